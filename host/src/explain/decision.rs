@@ -78,6 +78,9 @@ pub(super) struct Choice {
 const MOST_REFUSED: usize = 8;
 /// Probability by chance below which a candidate was close.
 const NEAR: f64 = 0.01;
+/// Share of what is left that a moved form must promise to be tried first: the rest is what it may
+/// leave (the search's).
+const PROMISED: f64 = 0.75;
 
 /// A candidate's fit beside the model.
 struct Score {
@@ -191,11 +194,12 @@ impl<'a> Field<'a> {
         s.deviations > self.evidence.least_deviations() && self.is_something(s.gain)
     }
 
-    /// The strongest, where its form was moved to what is left: its probability by chance and its
-    /// gain are those of a form on its way, and say less than what it leaves when it was refitted,
-    /// by which the search keeps it or does not.
+    /// The strongest, where its form was moved to what is left and promises most of it: its
+    /// probability by chance is that of a form on its way, and says less than what it leaves when it
+    /// was refitted, by which the search keeps it or does not.
     fn on_trial<'b>(&self, order: &[&'b Score]) -> Option<&'b Score> {
-        let is_tried = |s: &&&Score| self.offers[s.index].moved && s.p < NEAR && self.stands(s) && !self.feeds(s);
+        let promises = |s: &Score| s.gain * self.blocks > PROMISED * self.total && s.p < NEAR;
+        let is_tried = |s: &&&Score| self.offers[s.index].moved && promises(s) && self.stands(s) && !self.feeds(s);
         order.first().filter(is_tried).copied()
     }
 

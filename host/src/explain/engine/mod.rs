@@ -205,6 +205,7 @@ fn start(setting: &Setting<'_>, first: &Identification, physical: Physical) -> O
         chosen,
         stretches: setting.raw.clone(),
         relaxation: relaxation::Relaxation::default(),
+        unmoved: Vec::new(),
         followed: None,
     })
 }

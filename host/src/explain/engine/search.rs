@@ -109,8 +109,14 @@ impl Run<'_> {
             let outcome = match (kept, search.kept.take()) {
                 (false, Some(before)) => {
                     let sharpened = self.state.chosen.last().is_some_and(|c| c.candidate.is_sharpened);
-                    search.refuse(self.result.effects.last(), before.gone.is_some(), sharpened);
+                    let exchanged = before.gone.is_some();
+                    let refused = self.result.effects.last().cloned();
                     (self.result.effects, self.state) = (before.effects, before.state);
+                    if sharpened && !exchanged {
+                        self.state.unmoved.extend(refused.as_ref().map(named));
+                    } else {
+                        search.refuse(refused.as_ref(), exchanged);
+                    }
                     if !self.setting.shooting {
                         self.result.refused.extend(core::mem::take(&mut search.refused));
                         return Ok(before.outcome);
@@ -285,8 +291,6 @@ pub(super) struct Search {
     kept: Option<Before>,
     /// Effects that were no better in the place of another.
     vain: Vec<String>,
-    /// Effects whose forms are those of the grid: what they were moved to was something else.
-    unmoved: Vec<String>,
     /// Exchanges that were tried.
     exchanges: usize,
 }
@@ -298,10 +302,9 @@ impl Search {
         self.refused.retain(twice);
     }
 
-    fn refuse(&mut self, found: Option<&Found>, exchanged: bool, sharpened: bool) {
-        if exchanged || sharpened {
-            let list = if exchanged { &mut self.vain } else { &mut self.unmoved };
-            list.extend(found.map(named));
+    fn refuse(&mut self, found: Option<&Found>, exchanged: bool) {
+        if exchanged {
+            self.vain.extend(found.map(named));
             return;
         }
         let why = "with it in the model predictions come no nearer to the record than without it";
@@ -318,7 +321,7 @@ impl Search {
     pub(super) fn has(&self, setting: &Setting<'_>, state: &State, c: &Candidate, names: &[String]) -> bool {
         let name = c.name(setting);
         let is_chosen = state.chosen.iter().any(|k| k.candidate.name(setting) == name);
-        is_chosen || names.contains(&name) || c.is_sharpened && self.unmoved.contains(&name)
+        is_chosen || names.contains(&name) || c.is_sharpened && state.unmoved.contains(&name)
     }
 
     /// Whether the last effect stays: a wrong model makes many look significant, each must also

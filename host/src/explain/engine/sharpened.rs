@@ -122,8 +122,9 @@ pub fn sharpen(
     let left = sum(&plain) - blocks.noise();
     let greatest = offered.iter().map(|o| o.gain * blocks_left).fold(0.0, f64::max);
     if greatest < (1.0 - LEFT_BY_SHARPENED) * left {
-        let found: Vec<String> = state.chosen.iter().map(|k| k.candidate.name(setting)).collect();
-        let free: Vec<Candidate> = candidates.iter().filter(|c| !found.contains(&c.name(setting))).cloned().collect();
+        let found = state.chosen.iter().map(|k| k.candidate.name(setting));
+        let known: Vec<String> = found.chain(state.unmoved.iter().cloned()).collect();
+        let free: Vec<Candidate> = candidates.iter().filter(|c| !known.contains(&c.name(setting))).cloned().collect();
         offered.extend(beside.yielding(ground, setting, state, &free));
     }
     let mut better = beside.sharpened(ground, setting, state, offered);
@@ -229,7 +230,7 @@ impl Seat {
         state: &State,
         offered: Vec<Offered>,
     ) -> Vec<Moved> {
-        let mut open = most_promising(setting, offered);
+        let mut open = most_promising(setting, offered, &state.unmoved);
         // In the place of a law that was fitted with its shape a form has to be as near.
         let rounds = if self.gone.is_empty() { ROUNDS } else { ROUNDS_INSTEAD };
         for _ in 0..rounds {
@@ -256,8 +257,9 @@ impl Seat {
     }
 }
 
-/// The best form of each effect that has shape parameters to be moved, for those that bring most.
-fn most_promising(setting: &Setting<'_>, offered: Vec<Offered>) -> Vec<Moved> {
+/// The best form of each effect that has shape parameters to be moved, for those that bring most and
+/// were not moved in vain.
+fn most_promising(setting: &Setting<'_>, offered: Vec<Offered>, unmoved: &[String]) -> Vec<Moved> {
     let mut best: BTreeMap<String, usize> = BTreeMap::new();
     for (i, o) in offered.iter().enumerate() {
         let entry = best.entry(o.candidate.name(setting)).or_insert(i);
@@ -275,7 +277,8 @@ fn most_promising(setting: &Setting<'_>, offered: Vec<Offered>) -> Vec<Moved> {
         let named = |k: &usize| offered[*k].p_value * (offered.len() as f64) < OF_A_FAMILY;
         let base = simpler.and_then(|name| best.get(&name).copied()).filter(named).map(|k| offered[k].gain);
         let refines_well = base.is_none_or(|base| base < (1.0 - AS_GOOD) * o.gain);
-        brings && refines_well && !of_lines && c.entry.bounded_shapes().next().is_some()
+        let stays = of_lines || unmoved.contains(&c.name(setting));
+        brings && refines_well && !stays && c.entry.bounded_shapes().next().is_some()
     };
     let mut order: Vec<usize> = best.values().copied().filter(is_moved).collect();
     order.sort_by(|&a, &b| offered[b].gain.total_cmp(&offered[a].gain).then(a.cmp(&b)));

@@ -73,6 +73,9 @@ pub struct State {
     pub followed: Option<Followed>,
     /// How far the system's parameters go from round to round of a fit.
     pub relaxation: Relaxation,
+    /// Effects, `ID@PLACE`, whose forms are those of the grid: what they were moved to was something
+    /// else.
+    pub unmoved: Vec<String>,
 }
 
 impl State {
