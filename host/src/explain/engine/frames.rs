@@ -1,7 +1,8 @@
 //! Frequencies at which the frame may give way. What rings shows a peak in what is left
-//! ([`super::residual::lines`]); a frame that is pushed more slowly than it would ring follows the
-//! push, and below its resonance what is left has the lines of the motion alone. A grid of
-//! frequencies is tried there, of which the best is moved like any other form.
+//! ([`super::residual::lines`]), as under a drive, whose motion has all frequencies; a frame that is
+//! pushed more slowly than it would ring follows the push, and below its resonance what is left of a
+//! free swing has the lines of the motion alone. A grid of frequencies is tried there, of which the
+//! best is moved like any other form.
 
 use std::sync::Arc;
 
@@ -43,9 +44,9 @@ pub struct Scan {
     pub forms: Vec<Form>,
 }
 
-/// Those of the candidates' laws whose frame gives way.
+/// Those of the candidates' laws whose frame gives way, where nothing drives the motion.
 pub fn scans(setting: &Setting<'_>, state: &State, among: &[Candidate]) -> Vec<Scan> {
-    let Some(followed) = &state.followed else { return Vec::new() };
+    let Some(followed) = state.followed.as_ref().filter(|_| setting.rig.drive.is_none()) else { return Vec::new() };
     let (_, window_s) = followed.windows(setting);
     let frequencies = grid(setting.geometry.kernels.full.pass_hz, window_s);
     let mut out: Vec<Scan> = Vec::new();
