@@ -78,9 +78,9 @@ pub(super) struct Choice {
 const MOST_REFUSED: usize = 8;
 /// Probability by chance below which a candidate was close.
 const NEAR: f64 = 0.01;
-/// Share of what is left that a moved form must promise to be tried first: the rest is what it may
-/// leave (the search's).
-const PROMISED: f64 = 0.75;
+/// Share of what is left above the noise that a form which was moved to it may leave when it was
+/// refitted (by hand: those that stood in for another shape left half).
+pub(super) const LEFT_BY_MOVED: f64 = 0.25;
 
 /// A candidate's fit beside the model.
 struct Score {
@@ -198,7 +198,7 @@ impl<'a> Field<'a> {
     /// probability by chance is that of a form on its way, and says less than what it leaves when it
     /// was refitted, by which the search keeps it or does not.
     fn on_trial<'b>(&self, order: &[&'b Score]) -> Option<&'b Score> {
-        let promises = |s: &Score| s.gain * self.blocks > PROMISED * self.total && s.p < NEAR;
+        let promises = |s: &Score| s.gain * self.blocks > (1.0 - LEFT_BY_MOVED) * self.total && s.p < NEAR;
         let is_tried = |s: &&&Score| self.offers[s.index].moved && promises(s) && self.stands(s) && !self.feeds(s);
         order.first().filter(is_tried).copied()
     }
@@ -310,6 +310,7 @@ pub(super) fn choose(
     *refused = field.refusals(&order, &feigned);
     let trial = field.on_trial(&order).filter(|s| winner.is_none_or(|w| w.index != s.index));
     if let Some(strongest) = trial {
+        // What is not told from a form on its way may be told from it in the end.
         return Some(field.choice(strongest, &order, Vec::new()));
     }
     let Some(winner) = winner else {

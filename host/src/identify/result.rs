@@ -57,7 +57,7 @@ pub struct Details {
     pub stop_hz: f64,
     /// Pass band of the low-pass for signs of velocities, Hz.
     pub sign_pass_hz: f64,
-    /// Standard deviation of each sensor's noise, rad.
+    /// Standard deviation of each sensor's noise, in SI units: rad for angles, m for positions.
     pub noise_rad: Vec<f64>,
     /// Bias by that noise, taken off each coefficient (in the order of `correlation_names`).
     pub noise_bias: Vec<f64>,

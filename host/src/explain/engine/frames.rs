@@ -44,13 +44,19 @@ pub struct Scan {
     pub forms: Vec<Form>,
 }
 
-/// Those of the candidates' laws whose frame gives way, where nothing drives the motion.
+/// Those of the candidates' laws whose frame gives way, and that are neither in the model nor were
+/// moved in vain; where nothing drives the motion.
 pub fn scans(setting: &Setting<'_>, state: &State, among: &[Candidate]) -> Vec<Scan> {
     let Some(followed) = state.followed.as_ref().filter(|_| setting.rig.drive.is_none()) else { return Vec::new() };
     let (_, window_s) = followed.windows(setting);
     let frequencies = grid(setting.geometry.kernels.full.pass_hz, window_s);
+    let found: Vec<String> = state.chosen.iter().map(|k| k.candidate.name(setting)).collect();
+    let is_open = |c: &Candidate| {
+        let name = c.name(setting);
+        gives_way(c) && !found.contains(&name) && !state.unmoved.contains(&name)
+    };
     let mut out: Vec<Scan> = Vec::new();
-    for c in among.iter().filter(|c| gives_way(c)) {
+    for c in among.iter().filter(|c| is_open(c)) {
         if out.iter().any(|s| s.entry.id == c.entry.id) {
             continue;
         }

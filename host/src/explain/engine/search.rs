@@ -9,14 +9,13 @@ use super::evidence::{Evidence, Outcome, refit};
 use super::exchange::{self, Exchange, MISSES};
 use super::run::Run;
 use super::setting::Setting;
-use super::sharpened::LEFT_BY_SHARPENED;
 use super::shooting::Followed;
 use super::state::{Chosen, State};
 use super::traces::{is_of_many, without_trace};
 use super::{offered, shooting, tones};
 use crate::error::Result;
 use crate::explain::decidability::EXPLAINED_GAP;
-use crate::explain::decision::OF_A_FAMILY;
+use crate::explain::decision::{LEFT_BY_MOVED, OF_A_FAMILY};
 use crate::explain::explanation::{Explanation, Found, Refused};
 use crate::explain::{LEAST_PROGRESS, MOST_EFFECTS, Settings};
 
@@ -28,7 +27,7 @@ const MOST_RESUMED: usize = 3;
 const LEAST_KEPT: f64 = 0.5;
 /// Growth of a gap from which an effect is none, whatever it leaves in the windows of shooting (by
 /// hand: of 95 records two had such a one, both wrong; no right one grew by 2 %). A gap that is more
-/// than noise has to fall: of 320 records three had an effect with which it did not, all wrong.
+/// than noise has to fall: of 332 records three had an effect with which it did not, all wrong.
 const FARTHER: f64 = 1.05;
 
 /// `ID@PLACE` of a found effect.
@@ -168,8 +167,10 @@ impl Run<'_> {
     fn tone(&mut self, search: &Search, outcome: &Outcome) -> Option<(Found, Candidate)> {
         let (candidates, tests) = tones::candidates(&self.setting, &self.state, outcome);
         let further: Vec<&Candidate> = candidates.iter().collect();
-        let blocks =
-            shooting::evidence(&self.setting, &self.state, &further, false, &[]).filter(|_| !further.is_empty())?;
+        if further.is_empty() {
+            return None;
+        }
+        let blocks = shooting::evidence(&self.setting, &self.state, &further, false, &[])?;
         let (own, fit) = (outcome.own.clone(), outcome.fit.clone());
         let outcome = Outcome { candidates, evidence: Evidence::Shooting(blocks), own, fit };
         let told = (self.result.ranking.clone(), self.result.refused.clone());
@@ -342,7 +343,7 @@ impl Search {
         match (before.outcome.left(), after.left()) {
             (Some(b), Some(a)) if before.promised < 0.0 => a <= (1.0 - before.promised) * b,
             // Of the noise's power 1 is left where nothing is missing.
-            (Some(b), Some(a)) if is_sharpened => a - 1.0 < LEFT_BY_SHARPENED * (b - 1.0).max(0.0),
+            (Some(b), Some(a)) if is_sharpened => a - 1.0 < LEFT_BY_MOVED * (b - 1.0).max(0.0),
             (Some(b), Some(a)) => a < (1.0 - LEAST_KEPT * before.promised) * b,
             _ => gap <= (1.0 - LEAST_PROGRESS) * previous || previous <= EXPLAINED_GAP,
         }

@@ -16,7 +16,7 @@ use super::shooting::blocks::Blocks;
 use super::state::State;
 use super::{frames, memory};
 use crate::effects::entry::{Form, Shape};
-use crate::explain::decision::OF_A_FAMILY;
+use crate::explain::decision::{LEFT_BY_MOVED, OF_A_FAMILY};
 use crate::explain::ranking;
 
 /// Effects whose forms are moved, the share of the best one's gain that they bring, and the
@@ -27,9 +27,6 @@ const CHANCE: f64 = 0.05;
 /// Share of what is left that a moved form must take away beside the model (by hand; what it leaves
 /// when it was refitted is judged by the search).
 const MUCH_OF_IT: f64 = 0.25;
-/// Share of what is left above the noise that a form which was moved to it may leave when it was
-/// refitted (by hand: those that stood in for another shape left half).
-pub const LEFT_BY_SHARPENED: f64 = 0.25;
 /// Share of its gain by which what a law refines may be worse, and it is not moved beside the model
 /// (by hand): there the simpler one is named, which it may then replace.
 const AS_GOOD: f64 = 0.05;
@@ -121,11 +118,8 @@ pub fn sharpen(
     // What nothing else explains may be the frame.
     let left = sum(&plain) - blocks.noise();
     let greatest = offered.iter().map(|o| o.gain * blocks_left).fold(0.0, f64::max);
-    if greatest < (1.0 - LEFT_BY_SHARPENED) * left {
-        let found = state.chosen.iter().map(|k| k.candidate.name(setting));
-        let known: Vec<String> = found.chain(state.unmoved.iter().cloned()).collect();
-        let free: Vec<Candidate> = candidates.iter().filter(|c| !known.contains(&c.name(setting))).cloned().collect();
-        offered.extend(beside.yielding(ground, setting, state, &free));
+    if greatest < (1.0 - LEFT_BY_MOVED) * left {
+        offered.extend(beside.yielding(ground, setting, state, candidates));
     }
     let mut better = beside.sharpened(ground, setting, state, offered);
     // A form that was fitted to what is left comes before others only where it is much of it: a wide
@@ -141,8 +135,7 @@ pub fn sharpen(
             continue;
         }
         let all: Vec<Candidate> = candidates.iter().filter(|c| remembers_more(c, old)).cloned().collect();
-        let further: Vec<&Candidate> = all.iter().collect();
-        let Some(found) = ground.evidence(&further, false, &[]).filter(|_| !all.is_empty()) else { continue };
+        let Some(found) = evidence_of(ground, &all) else { continue };
         let seat = Seat { rest: own.iter().copied().filter(|c| !gone.contains(c)).collect(), gone };
         // The law in the model was fitted with columns by which its shape is refined, so that the new
         // one has them as well; and without, for where they are too much alike to be fitted.
@@ -152,11 +145,15 @@ pub fn sharpen(
             better.push(candidate);
         }
     }
-    let further: Vec<&Candidate> = better.iter().collect();
-    let found = ground.evidence(&further, false, &[]).filter(|_| !further.is_empty());
-    if found.is_some_and(|found| blocks.join(&found)) {
+    if evidence_of(ground, &better).is_some_and(|found| blocks.join(&found)) {
         candidates.extend(better);
     }
+}
+
+/// The columns of some candidates; none where there are no candidates.
+fn evidence_of(ground: &Ground<'_>, all: &[Candidate]) -> Option<Blocks> {
+    let further: Vec<&Candidate> = all.iter().collect();
+    if further.is_empty() { None } else { ground.evidence(&further, false, &[]) }
 }
 
 /// Where a candidate would stand: beside the model's own columns, or in the place of some.
@@ -166,7 +163,26 @@ struct Seat {
 }
 
 impl Seat {
-    /// Candidates with what each takes away where it was not fitted, and its probability by chance.
+    /// What each candidate takes away where it was not fitted, and its probability by chance.
+    fn gains(&self, state: &State, blocks: &Blocks, all: &[Candidate]) -> Vec<(f64, f64)> {
+        let without = (!self.gone.is_empty()).then(|| blocks.without(self.gone.clone()));
+        let blocks = without.as_ref().unwrap_or(blocks);
+        let nothing = (f64::NEG_INFINITY, 1.0);
+        let Some(plain) = blocks.fit(&self.rest) else { return vec![nothing; all.len()] };
+        let mut at = state.own_columns();
+        let of = |c: &Candidate| {
+            let from = at;
+            at += c.strengths();
+            let columns: Vec<usize> = self.rest.iter().copied().chain(from..at).collect();
+            let Some(fit) = blocks.fit(&columns) else { return nothing };
+            let feeds = c.entry.positive[0] && fit.all[self.rest.len()] <= 0.0;
+            let gain = if feeds { f64::NEG_INFINITY } else { ranking::gain(&plain.held_out, &fit.held_out).0 };
+            (gain, ranking::p_value(&fit, c.strengths()))
+        };
+        all.iter().map(of).collect()
+    }
+
+    /// The same with the candidates.
     fn offered(&self, state: &State, blocks: &Blocks, all: &[Candidate]) -> Vec<Offered> {
         let gains = self.gains(state, blocks, all);
         let of = |(candidate, (gain, p_value)): (&Candidate, (f64, f64))| Offered {
@@ -190,36 +206,16 @@ impl Seat {
             let mut best: Option<(f64, Candidate)> = None;
             for forms in scan.forms.chunks(TOGETHER) {
                 let some = scan.candidates(setting, state, forms);
-                let further: Vec<&Candidate> = some.iter().collect();
-                if let Some(found) = ground.evidence(&further, false, &[]).filter(|_| !further.is_empty()) {
+                if let Some(found) = evidence_of(ground, &some) {
                     let gains = self.gains(state, &found, &some).into_iter().map(|g| g.0);
                     best = gains.zip(some).chain(best).max_by(|a, b| a.0.total_cmp(&b.0));
                 }
                 memory::keep(setting, state, candidates.iter().chain(best.as_ref().map(|b| &b.1)));
             }
             let whole = [scan.whole(setting, state, &best?.1)?];
-            let found = ground.evidence(&[&whole[0]], false, &[])?;
-            self.offered(state, &found, &whole).pop().map(|o| Offered { is_new: true, ..o })
+            self.offered(state, &evidence_of(ground, &whole)?, &whole).pop().map(|o| Offered { is_new: true, ..o })
         };
         frames::scans(setting, state, candidates).into_iter().filter_map(best).collect()
-    }
-
-    fn gains(&self, state: &State, blocks: &Blocks, all: &[Candidate]) -> Vec<(f64, f64)> {
-        let without = (!self.gone.is_empty()).then(|| blocks.without(self.gone.clone()));
-        let blocks = without.as_ref().unwrap_or(blocks);
-        let nothing = (f64::NEG_INFINITY, 1.0);
-        let Some(plain) = blocks.fit(&self.rest) else { return vec![nothing; all.len()] };
-        let mut at = state.own_columns();
-        let of = |c: &Candidate| {
-            let from = at;
-            at += c.strengths();
-            let columns: Vec<usize> = self.rest.iter().copied().chain(from..at).collect();
-            let Some(fit) = blocks.fit(&columns) else { return nothing };
-            let feeds = c.entry.positive[0] && fit.all[self.rest.len()] <= 0.0;
-            let gain = if feeds { f64::NEG_INFINITY } else { ranking::gain(&plain.held_out, &fit.held_out).0 };
-            (gain, ranking::p_value(&fit, c.strengths()))
-        };
-        all.iter().map(of).collect()
     }
 
     /// Forms that bring more than those of the grid.
@@ -240,8 +236,7 @@ impl Seat {
                 .flat_map(|(k, m)| beside(setting, state, m).into_iter().map(move |c| (k, c)))
                 .collect();
             let all: Vec<Candidate> = tried.iter().map(|t| t.1.clone()).collect();
-            let further: Vec<&Candidate> = all.iter().collect();
-            let Some(found) = ground.evidence(&further, false, &[]).filter(|_| !all.is_empty()) else { break };
+            let Some(found) = evidence_of(ground, &all) else { break };
             let before: Vec<f64> = open.iter().map(|m| m.gain).collect();
             for ((k, candidate), (gain, _)) in tried.into_iter().zip(self.gains(state, &found, &all)) {
                 if gain > open[k].gain {
