@@ -100,11 +100,12 @@ fn show(out: &super::output::Output, what: What, name: &str) -> Result<Answer> {
 /// others, then a user's.
 fn effects(out: &super::output::Output, files: &[PathBuf]) -> Result<()> {
     let simulated = simulated(out);
-    let mut entries = catalogue().to_vec();
+    let mut own = Vec::new();
     for file in files {
-        entries.extend(crate::effects::read(&toml_place::read(file, "an effect file")?)?);
+        let source = toml_place::read(file, "an effect file")?;
+        own.extend(crate::effects::read_more(&source, own.iter())?);
     }
-    for e in entries.iter().filter(|e| !simulated.contains(&e.id.as_str())) {
+    for e in catalogue().iter().chain(&own).filter(|e| !simulated.contains(&e.id.as_str())) {
         let place = format!("{:?}", e.at).to_lowercase();
         out.say(&format!("{:<28} {:<18} @{place:<30} {}\n", e.id, "", e.equation));
     }

@@ -3,7 +3,7 @@
 
 mod reading;
 
-pub use self::reading::read;
+pub use self::reading::{read, read_beside};
 use super::columns::LOAD;
 use super::on_a_frame;
 use crate::model::model_file::expression::{Node, Symbol, number, symbol};

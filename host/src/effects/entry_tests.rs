@@ -56,6 +56,28 @@ fn mistakes_are_told_with_their_place() {
     assert!(of("").unwrap_err().to_string().contains("[[effect]]"));
 }
 
+/// What names another effect names one of its file, whatever their order, or one of the list.
+#[test]
+fn a_file_stands_beside_the_list() {
+    let entry = |id: &str, rest: &str| {
+        format!("[[effect]]\nid = \"{id}\"\nat = \"joint\"\nstrengths = [\"k\"]\nforce = \"-k*x^3\"\n{rest}\n")
+    };
+    let beside = |text: &str| {
+        let source = Source { text: text.to_owned(), path: Path::new("e.toml").to_path_buf() };
+        read_beside(&source, crate::effects::catalogue().iter()).map_err(|e| e.to_string())
+    };
+    let good = entry("own", "refines = \"other\"") + &entry("other", "takes_from = \"coulomb-friction\"");
+    assert_eq!(beside(&good).unwrap().len(), 2);
+    for (text, line, told) in [
+        (entry("own", "refines = \"coulomb\""), 6, "found refines = \"coulomb\", expected the id of another effect"),
+        (entry("own", "takes_from = \"own\""), 6, "found takes_from = \"own\""),
+        (entry("cogging", ""), 2, "the effect cogging, which there is already"),
+    ] {
+        let said = beside(&text).unwrap_err();
+        assert!(said.contains(told) && said.contains(&format!("line {line}")), "{said}");
+    }
+}
+
 #[test]
 fn forms_are_all_combinations() {
     let text = "[[effect]]\nid = \"m\"\nat = \"joint\"\nstrengths = [\"k\"]\nforce = \"-k*exp(-x/d)*sin(n*x)\"\nshape = { d = { grid = [0.1, 0.2] }, n = { whole = [1, 3] } }\n";

@@ -77,7 +77,8 @@ fn value(entry: &Entry, form: &Form, x: f64, v: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::effects::{catalogue, read};
+    use crate::effects::catalogue;
+    use crate::effects::entry::read;
     use crate::model::model_file::toml_place::Source;
 
     fn ids(of: impl Fn(&Entry) -> bool) -> Vec<&'static str> {

@@ -59,12 +59,17 @@ pub fn catalogue() -> &'static [Entry] {
     })
 }
 
-/// Entries of an effect file.
+/// Entries of the catalogue's text.
+fn read(source: &Source) -> Result<Vec<Entry>> {
+    entry::read(source)
+}
+
+/// Entries of an effect file, which stand beside the catalogue and those of `more` files.
 ///
 /// # Errors
 /// Names file, line and column, what was found and what was expected.
-pub fn read(source: &Source) -> Result<Vec<Entry>> {
-    entry::read(source)
+pub fn read_more<'a>(source: &Source, more: impl Iterator<Item = &'a Entry>) -> Result<Vec<Entry>> {
+    entry::read_beside(source, catalogue().iter().chain(more))
 }
 
 #[cfg(test)]
@@ -74,15 +79,10 @@ mod tests {
     #[test]
     fn the_catalogue_is_read_whole() {
         let source = Source { text: TEXT.to_owned(), path: Path::new("effects.toml").to_path_buf() };
-        let all = read(&source).unwrap();
+        let all = entry::read_beside(&source, core::iter::empty()).unwrap();
         assert_eq!(all.len(), TEXT.matches("[[effect]]").count());
         assert_eq!(all.len(), catalogue().len());
-        for (k, e) in all.iter().enumerate() {
-            assert!(!all[..k].iter().any(|o| o.id == e.id), "{} twice", e.id);
-            assert!(e.refines.as_ref().is_none_or(|r| all.iter().any(|o| o.id == *r)), "{}", e.id);
-            let is_known = |r: &String| all.iter().any(|o| o.id == *r) && e.positive[0];
-            assert!(e.takes_from.as_ref().is_none_or(is_known), "{}", e.id);
-        }
+        assert!(all.iter().all(|e| e.takes_from.is_none() || e.positive[0]));
     }
 
     /// A refinement steps by shares of the value, and a power of 0, 1 or 2 is another entry.

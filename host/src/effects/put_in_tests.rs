@@ -1,7 +1,7 @@
 //! Strengths from a value and parameters, whatever their names.
 
 use super::*;
-use crate::effects::read;
+use crate::effects::entry::read;
 use crate::model::model_file::toml_place::Source;
 
 fn own(rest: &str) -> Entry {

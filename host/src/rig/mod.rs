@@ -207,21 +207,11 @@ impl Rig {
     /// Adds the effects of an effect file to the catalogue's.
     ///
     /// # Errors
-    /// As [`effects::read`]; an id that there is already.
+    /// As [`effects::read_more`].
     pub fn add_effects(&mut self, path: &Path) -> Result<()> {
         let source = toml_place::read(path, "an effect file")?;
-        for entry in effects::read(&source)? {
-            if effects::catalogue().iter().chain(self.effects.iter().map(AsRef::as_ref)).any(|e| e.id == entry.id) {
-                return Err(BadInput::new(
-                    format!("the effect {}, which there is already", entry.id),
-                    "an id of its own",
-                )
-                .in_file(path)
-                .at("id")
-                .remedy("Rename it; `whirl list effects` prints those that there are"));
-            }
-            self.effects.push(Arc::new(entry));
-        }
+        let own = effects::read_more(&source, self.effects.iter().map(AsRef::as_ref))?;
+        self.effects.extend(own.into_iter().map(Arc::new));
         let forms: usize = self.effects.iter().map(|e| e.forms().len()).sum();
         if forms > MOST_FORMS {
             return Err(BadInput::new(

@@ -125,6 +125,7 @@ impl Reader<'_> {
             }
             out.push((Coordinate { name: name.to_owned(), space }, unit.to_owned()));
             self.words.coordinates.push(name.to_owned());
+            self.words.angles.push(space == Space::Circle);
         }
         if out.is_empty() {
             let at = top.get("coordinates").map_or(0, |v| v.span().start);

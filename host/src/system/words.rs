@@ -32,6 +32,8 @@ pub enum Scope {
 pub struct Words {
     /// Coordinates.
     pub coordinates: Vec<String>,
+    /// Which of them are angles on the circle; those beyond its end are none.
+    pub angles: Vec<bool>,
     /// Measured inputs.
     pub inputs: Vec<String>,
     /// Parameters; g is one.
@@ -105,7 +107,20 @@ impl Scoped<'_> {
         }
     }
 
+    /// A factor or a base, in which sums of angles are angles.
+    fn factor(&self, a: &Polynomial) -> Polynomial {
+        a.of_whole_angles(&|i| self.0.angles.get(i).is_some_and(|is| *is))
+    }
+
     fn scalar_operation(&self, operator: char, a: &Polynomial, b: &Polynomial) -> Result<Polynomial, Fault> {
+        // Multiples of a sum are a sum still, which may go on.
+        let is_multiple = a.as_number().is_some() || b.as_number().is_some();
+        let (a, b) = match operator {
+            '*' | '/' if !is_multiple => (&self.factor(a), &self.factor(b)),
+            '/' => (a, &self.factor(b)),
+            '^' => (&self.factor(a), b),
+            _ => (a, b),
+        };
         Ok(match operator {
             '+' => a.plus(b),
             '-' => a.minus(b),
@@ -340,6 +355,7 @@ mod tests {
     fn words() -> Words {
         Words {
             coordinates: vec!["q".into(), "p".into()],
+            angles: vec![true, true],
             inputs: vec!["u".into()],
             parameters: vec!["k".into(), "l".into()],
             constants: vec![("N".into(), 50.0)],
@@ -358,6 +374,25 @@ mod tests {
         assert_eq!(read("N*q' - 25*2*q'"), Value::Scalar(Polynomial::default()));
         let quantity = parse("atan2(k, l) + sqrt(k^2 + N)", &Scoped(&w, Scope::Parameters));
         assert!(quantity.is_ok(), "{quantity:?}");
+    }
+
+    #[test]
+    fn a_sum_of_angles_is_an_angle() {
+        let w = words();
+        let read = |t: &str| parse(t, &Scoped(&w, Scope::Motion)).unwrap_or_else(|m| panic!("{t}: {m:?}"));
+        for (text, same) in [
+            ("k*(p - q)", "-k*wrap(q - p)"),
+            ("k*(3*p - 0.5*q)*q'", "0.5*k*wrap(6*p - q)*q'"),
+            ("(p - q)^2/2", "wrap(q - p)^2/2"),
+            ("(u + q - p)*k", "u*k + k*wrap(q - p)"),
+            ("sin(2*(q - p))", "sin(2*q - 2*p)"),
+        ] {
+            assert_eq!(read(text), read(same), "{text}");
+        }
+        for text in ["k*(q + u)", "k*(2*p - 3*q)"] {
+            let Value::Scalar(p) = read(text) else { panic!("{text}") };
+            assert!(!p.any(&|a| matches!(a, Atom::Call(..))), "{text}: {p:?}");
+        }
     }
 
     #[test]

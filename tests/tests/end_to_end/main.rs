@@ -34,6 +34,7 @@ mod program;
 mod quarter_car;
 mod reduced;
 mod schema;
+mod shaft;
 mod suspects_equations;
 mod suspects_record;
 mod unnamed;

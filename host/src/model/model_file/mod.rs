@@ -23,6 +23,7 @@
 //! | [`tape`] | evaluation over blocks of samples |
 //! | [`basis`] | unknown functions by harmonic or interpolation basis |
 //! | [`weak_form`] | all equations as series and parts for a sampling |
+//! | [`whole_angles`] | sums of angles as one angle each |
 //! | [`split`] | terms split into what multiplies accelerations and the rest |
 //! | [`equations_of_motion`] | accelerations: [`crate::model::dynamics::Dynamics`] |
 
@@ -42,6 +43,7 @@ mod tautology;
 pub mod toml_place;
 pub mod units;
 pub mod weak_form;
+mod whole_angles;
 
 use std::path::Path;
 use std::sync::Arc;

@@ -8,6 +8,7 @@ use super::basis::UnknownFunction;
 use super::expression::{self, Node, Symbol, as_number};
 use super::parser::{self, Mistake, Names};
 use super::toml_place::{Source, Value, described};
+use super::whole_angles::whole_angles;
 use super::{Coordinate, Equation, Space, Term, by_parts, tautology};
 use crate::error::{BadInput, Result};
 use crate::model::weak::Order;
@@ -153,6 +154,7 @@ pub(super) fn equation(source: &Source, value: &Value<'_>, names: &Names, circle
             ));
     }
     check_integrable(source, balance_value, &balance, circle)?;
+    let balance = whole_angles(&balance, circle);
     let terms_value = source.required(t, span, "terms", "terms such as { M = \"q''\" }")?;
     let DeValue::Table(list) = terms_value.get_ref() else {
         return Err(source
@@ -191,14 +193,15 @@ pub(super) fn equation(source: &Source, value: &Value<'_>, names: &Names, circle
                     )
                     .remedy("Remove the term or correct it"));
             }
-            if let Some(same) = terms.iter().find(|o| o.of == term.of || o.name == term.name) {
+            let of = whole_angles(&term.of, circle);
+            if let Some(same) = terms.iter().find(|o| o.of == of || o.name == term.name) {
                 let found = format!("{} = \"{}\", the same as {}", term.name, term.text, same.name);
                 return Err(source
                     .bad(value.span().start, found, "terms that differ")
                     .remedy("Two coefficients of one expression cannot be told apart: keep one"));
             }
             check_integrable(source, value, &term.of, circle)?;
-            terms.push(term);
+            terms.push(Term { of, ..term });
         }
         if terms.len() > MOST_TERMS {
             return Err(source.bad(
