@@ -19,8 +19,17 @@ pub struct Laws(RwLock<Vec<(Arc<Memory>, usize)>>);
 impl Laws {
     /// The number of a state, a new one for one that is not known yet.
     pub fn number(&self, memory: &Arc<Memory>, state: usize) -> usize {
+        let is_it = |(m, k): &(Arc<Memory>, usize)| *k == state && (Arc::ptr_eq(m, memory) || m == memory);
+        let seen = {
+            let all = self.0.read().unwrap_or_else(std::sync::PoisonError::into_inner);
+            if let Some(known) = all.iter().position(is_it) {
+                return known;
+            }
+            all.len()
+        };
         let mut all = self.0.write().unwrap_or_else(std::sync::PoisonError::into_inner);
-        all.iter().position(|(m, k)| m == memory && *k == state).unwrap_or_else(|| {
+        // Between the two locks another thread may have numbered it.
+        all[seen..].iter().position(is_it).map(|k| seen + k).unwrap_or_else(|| {
             all.push((memory.clone(), state));
             all.len() - 1
         })
@@ -251,6 +260,28 @@ mod tests {
         assert!(values(slow));
         history.keep(&BTreeSet::from([jumps]));
         assert!(!values(slow) && history.is_finite(slow) && values(slow));
+    }
+
+    /// Whether it comes as one law or as another of the same rates, and from whichever thread.
+    #[test]
+    fn a_law_is_numbered_once() {
+        use rayon::prelude::*;
+        let law = |k: usize| Arc::new(Memory::new(vec![symbol(Symbol::Rate(0)), number((k % 7) as f64)]));
+        let laws = Laws::default();
+        let found: Vec<[usize; 2]> = (0..700)
+            .into_par_iter()
+            .map(|k| {
+                let of = law(k);
+                assert_eq!(laws.number(&of, 0), laws.number(&law(k), 0));
+                [0, 1].map(|state| laws.number(&of, state))
+            })
+            .collect();
+        assert_eq!(BTreeSet::from_iter(found.iter().flatten()), BTreeSet::from_iter(&(0..14).collect::<Vec<_>>()));
+        for (k, numbers) in found.iter().enumerate() {
+            assert_eq!(*numbers, found[k % 7]);
+            let (of, state) = laws.law(numbers[1]).unwrap();
+            assert!(of == law(k) && state == 1 && laws.law(14).is_none());
+        }
     }
 
     /// 11 Hz at 2 ms: (ωh)²/12 of the size would be lost on lines, 1.6 thousandths on the average.
