@@ -140,8 +140,12 @@ impl Blocks {
     /// of the mean square residuals.
     pub fn held_out(&self, columns: &[usize]) -> Option<f64> {
         let (mut sum, mut count) = (0.0, 0.0_f64);
+        let (grams, p) = (self.grams(columns), columns.len());
+        let (signs, origin) = (self.signs_of(columns), self.origin_of(columns));
         for fold in 0..FOLDS {
-            let step = self.without_fold(columns, fold)?;
+            let kept = grams.iter().enumerate().filter(|(k, _)| k % FOLDS != fold);
+            let total = kept.fold(DMatrix::zeros(p + 1, p + 1), |s, (_, g)| s + g);
+            let step = solve_signed(&total, &signs, &origin)?.0;
             for window in self.windows.iter().skip(fold).step_by(FOLDS) {
                 for p in window {
                     let left = squares(&p.gram.chosen(columns), &step) / p.freedom.max(1.0);
@@ -151,14 +155,6 @@ impl Blocks {
             }
         }
         Some((sum / count.max(1.0)).exp())
-    }
-
-    fn without_fold(&self, columns: &[usize], fold: usize) -> Option<DVector<f64>> {
-        let p = columns.len();
-        let grams = self.grams(columns);
-        let kept = grams.iter().enumerate().filter(|(k, _)| k % FOLDS != fold);
-        let total = kept.fold(DMatrix::zeros(p + 1, p + 1), |s, (_, g)| s + g);
-        Some(solve_signed(&total, &self.signs_of(columns), &self.origin_of(columns))?.0)
     }
 
     /// For every window over its longest horizon, in its weight: the products of two columns with
@@ -209,25 +205,28 @@ impl Blocks {
         let total = self.grams(columns).iter().fold(DMatrix::<f64>::zeros(p + 1, p + 1), |s, g| s + g);
         let on: Vec<usize> = (0..p).filter(|&i| ridge[i] > 0.0).collect();
         let mean = on.iter().map(|&i| total[(i, i)]).sum::<f64>() / on.len().max(1) as f64;
-        let mut stiff = self.clone();
         let share = 1.0 / self.windows.len().max(1) as f64;
-        for (window, weights) in stiff.windows.iter_mut().zip(&self.weights) {
-            if let (Some(part), Some(w)) = (window.first_mut(), weights.first()) {
-                for &i in &on {
-                    part.gram.stiffen(columns[i], ridge[i] * mean * share / w);
-                }
-            }
-        }
-        stiff.fit(columns)
+        let stiffer: Vec<(usize, f64)> = on.into_iter().map(|i| (i, ridge[i] * mean * share)).collect();
+        self.fit_of(columns, &self.stiff_grams(columns, &stiffer))
     }
 
     /// Weighted Gram matrices of some columns, window by window.
     fn grams(&self, columns: &[usize]) -> Vec<DMatrix<f64>> {
+        self.stiff_grams(columns, &[])
+    }
+
+    /// The same with something added to the squares of some columns, by their place among these:
+    /// over the longest horizon, so that it has the same weight in all windows.
+    fn stiff_grams(&self, columns: &[usize], stiffer: &[(usize, f64)]) -> Vec<DMatrix<f64>> {
         let p = columns.len();
         let both = self.windows.iter().zip(&self.weights);
         both.map(|(window, weights)| {
-            let parts = window.iter().zip(weights);
-            parts.fold(DMatrix::zeros(p + 1, p + 1), |sum, (part, w)| sum + part.gram.chosen(columns) * *w)
+            let parts = window.iter().zip(weights).enumerate();
+            parts.fold(DMatrix::zeros(p + 1, p + 1), |sum, (horizon, (part, w))| {
+                let mut gram = part.gram.chosen(columns);
+                stiffer.iter().filter(|_| horizon == 0).for_each(|&(i, by)| gram[(i, i)] += by / w);
+                sum + gram * *w
+            })
         })
         .collect()
     }
@@ -317,10 +316,14 @@ impl Blocks {
     /// Fits some columns; none where they are singular or the blocks too few. What is held at zero
     /// has the standard error of a fit without bounds.
     pub fn fit(&self, columns: &[usize]) -> Option<Fit> {
+        self.fit_of(columns, &self.grams(columns))
+    }
+
+    /// The same from their weighted Gram matrices, window by window.
+    fn fit_of(&self, columns: &[usize], parts: &[DMatrix<f64>]) -> Option<Fit> {
         let p = columns.len();
         let own = columns.iter().filter(|c| **c < self.still.len()).count();
         let signs = self.signs_of(columns);
-        let parts = self.grams(columns);
         let n = parts.len();
         if n < FOLDS {
             return None;
@@ -352,7 +355,7 @@ impl Blocks {
         }
         let jackknife = |held: &[bool], all: &DVector<f64>| -> Option<DMatrix<f64>> {
             let mut covariance = DMatrix::zeros(p, p);
-            for part in &parts {
+            for part in parts {
                 let change = solve_free(&(&total - part), held, &origin)? - all;
                 covariance += &change * change.transpose() * ((n - 1) as f64 / n as f64);
             }

@@ -209,18 +209,6 @@ impl Gram {
         head[(own, columns)] += by * (2.0 * with_target + by * square);
     }
 
-    /// Adds to the square of a column.
-    pub fn stiffen(&mut self, column: usize, by: f64) {
-        let own = self.0.layout.own;
-        if column < own {
-            self.0.head[(column, column)] += by;
-            return;
-        }
-        let group = self.0.layout.group_of[column - own];
-        let at = column - self.0.layout.groups[group].0;
-        self.0.groups[group][(at, at)] += by;
-    }
-
     /// The same with the groups of another of the same own columns behind its own.
     pub fn joined(&self, other: &Self, layout: &Arc<Layout>) -> Self {
         let (Sums { head, groups, layout: first, .. }, more) = (&self.0, &other.0);
@@ -328,7 +316,6 @@ mod tests {
         assert!(both.chosen(&[4, 6])[(0, 1)].is_nan());
         let other = gram.clone();
         gram.add(&other);
-        gram.stiffen(3, 1.0);
-        assert!((gram.chosen(&[3])[(0, 0)] - 2.0 * wanted[(3, 3)] - 1.0).abs() < 1e-12);
+        assert!((gram.chosen(&[3])[(0, 0)] - 2.0 * wanted[(3, 3)]).abs() < 1e-12);
     }
 }
