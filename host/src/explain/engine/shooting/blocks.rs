@@ -294,7 +294,7 @@ impl Blocks {
             for (window, weights) in self.windows.iter().zip(&self.weights) {
                 by_horizon.resize(by_horizon.len().max(window.len()), 0.0);
                 let parts = window.iter().zip(weights);
-                by_horizon.iter_mut().zip(parts).for_each(|(sum, (p, w))| *sum += w * p.gram.chosen(&[column])[(0, 0)]);
+                by_horizon.iter_mut().zip(parts).for_each(|(sum, (p, w))| *sum += w * p.gram.square(column));
             }
             let roots: f64 = by_horizon.iter().map(|x| x.max(0.0).sqrt()).sum();
             let sum: f64 = by_horizon.iter().sum();

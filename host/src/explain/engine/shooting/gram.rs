@@ -180,6 +180,11 @@ impl Gram {
         groups[group][(high - from, low - from)]
     }
 
+    /// The square of a column.
+    pub fn square(&self, column: usize) -> f64 {
+        self.at(column, column)
+    }
+
     /// The matrix of some columns and the target.
     pub fn chosen(&self, columns: &[usize]) -> DMatrix<f64> {
         let p = columns.len();
@@ -316,6 +321,6 @@ mod tests {
         assert!(both.chosen(&[4, 6])[(0, 1)].is_nan());
         let other = gram.clone();
         gram.add(&other);
-        assert!((gram.chosen(&[3])[(0, 0)] - 2.0 * wanted[(3, 3)]).abs() < 1e-12);
+        assert!((gram.square(3) - 2.0 * wanted[(3, 3)]).abs() < 1e-12);
     }
 }
