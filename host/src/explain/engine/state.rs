@@ -318,6 +318,11 @@ impl State {
         &self.stretches[..if is_one { self.stretches.len() } else { first.min(self.stretches.len()) }]
     }
 
+    /// The record as pieces without what acts on them: for its sensors and their noise alone.
+    pub fn undriven_track<'a>(&'a self, setting: &'a Setting<'_>) -> Track<'a> {
+        Track::new(self.predicted(setting), &[], setting.rig, &setting.bound, &setting.sensors)
+    }
+
     /// Calls with the record as pieces for predictions.
     pub fn on_track<T>(&self, setting: &Setting<'_>, then: impl FnOnce(&Track<'_>) -> T) -> T {
         let omega = setting.rig.drive.map_or(0.0, |_| setting.rig.omega());

@@ -16,7 +16,7 @@ use super::gram::Layout;
 use super::linear::{Linear, Measured, Normal};
 use super::path::{FEWEST_SAMPLES, Path, Window};
 use super::window_inputs::WindowInputs;
-use crate::identify::track;
+use crate::identify::track::{ExogenousInputs, Track};
 use crate::model::flow::abreast::VectorField;
 use crate::model::model_file::expression::{Node, Symbol};
 use crate::model::model_file::tape::{Registers, Tape};
@@ -35,7 +35,7 @@ pub struct Course<'a> {
     pub setting: &'a Setting<'a>,
     /// The model so far.
     pub state: &'a State,
-    between: Vec<track::ExogenousInputs>,
+    between: Vec<ExogenousInputs>,
     /// What the sensors showed, by stretch and sensor.
     shown: Vec<Vec<Vec<f64>>>,
     weights: Vec<Vec<f64>>,
@@ -100,9 +100,9 @@ impl<'a> Course<'a> {
     pub fn new(setting: &'a Setting<'a>, state: &'a State) -> Self {
         let omega = setting.rig.drive.map_or(0.0, |_| setting.rig.omega());
         let numbers = state.beside();
-        let between = state.stretches.iter().map(|s| track::ExogenousInputs::remembering(s, omega, &numbers)).collect();
+        let between = state.stretches.iter().map(|s| ExogenousInputs::remembering(s, omega, &numbers)).collect();
         let shown = state.stretches.iter().map(|s| s.sensors(&setting.bound)).collect();
-        let (weights, sigma) = state.on_track(setting, |t| (t.sensors.clone(), t.sigma.clone()));
+        let Track { sensors: weights, sigma, .. } = state.undriven_track(setting);
         let begins = state.stretches.iter().map(|s| state.forgets(s)).collect();
         Self { setting, state, between, shown, weights, sigma, omega, begins }
     }
