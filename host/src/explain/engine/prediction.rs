@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::free_run::step_of;
 use super::shooting::MOST_LOST;
 use crate::identify::shooting::problem::Piece;
-use crate::identify::track::{KnownPiece, Track};
+use crate::identify::track::Track;
 use crate::model::dynamics::Dynamics;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
@@ -68,24 +68,32 @@ struct Windows {
 /// At most `most` windows of a horizon in a part of the record, spread evenly.
 fn windows(track: &Track<'_>, horizon_s: f64, part: Part<'_>, most: usize) -> Windows {
     let length = ((horizon_s / track.spacing_s).round() as usize).max(8) + 1;
-    let place = |at: (usize, usize)| Some((at, track.known_piece(at.0, at.1, length)?));
-    let mut all: Vec<_> = part.places(track, length).into_iter().filter_map(place).collect();
+    let known = |at: (usize, usize)| (at, track.is_known(at.0, at.1));
+    let mut all: Vec<((usize, usize), bool)> = part.places(track, length).into_iter().map(known).collect();
     // Where states are known from windows that were followed, one whose start has to be sought, and
     // may not be found, decides nothing.
-    if 2 * all.iter().filter(|(_, p)| p.is_known).count() >= all.len() {
-        all.retain(|(_, p)| p.is_known);
+    if 2 * all.iter().filter(|(_, known)| *known).count() >= all.len() {
+        all.retain(|(_, known)| *known);
     }
-    let moving = |(_, p): &((usize, usize), KnownPiece)| moves(&p.piece, track);
-    if matches!(part, Part::HeldOut(_)) && all.iter().any(moving) {
-        all.retain(moving);
+    if matches!(part, Part::HeldOut(_)) {
+        // Cut one by one: they overlap, and all together are several copies of the record.
+        let shows = |&((stretch, first), _): &((usize, usize), bool)| {
+            track.piece(stretch, first, length).is_some_and(|(piece, _)| moves(&piece, track))
+        };
+        let moving: Vec<bool> = all.par_iter().map(shows).collect();
+        if moving.contains(&true) {
+            let mut moving = moving.into_iter();
+            all.retain(|_| moving.next().unwrap_or(true));
+        }
     }
     let stride = all.len().div_ceil(most).max(1);
     let mut out = Windows { pieces: Vec::new(), guesses: Vec::new(), known: Vec::new(), places: Vec::new(), length };
-    for (place, KnownPiece { piece, guess, is_known }) in all.into_iter().step_by(stride) {
+    for ((stretch, first), known) in all.into_iter().step_by(stride) {
+        let Some((piece, guess)) = track.piece(stretch, first, length) else { continue };
         out.pieces.push(piece);
         out.guesses.push(guess);
-        out.known.push(is_known);
-        out.places.push(place);
+        out.known.push(known);
+        out.places.push((stretch, first));
     }
     out
 }

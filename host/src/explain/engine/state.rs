@@ -329,7 +329,8 @@ impl State {
         let numbers = self.remembered();
         let exogenous: Vec<ExogenousInputs> =
             self.predicted(setting).iter().map(|s| ExogenousInputs::remembering(s, omega, &numbers)).collect();
-        let known = |stretch, sample| self.followed.as_ref()?.at(setting, stretch, sample);
+        let settled = self.followed.as_ref().and_then(|f| f.settled(setting));
+        let known = |stretch, sample| settled.as_ref()?.at(stretch, sample);
         let track = Track::new(self.predicted(setting), &exogenous, setting.rig, &setting.bound, &setting.sensors);
         then(&track.knowing(&known))
     }
