@@ -255,14 +255,18 @@ impl State {
         // Inertias follow from the coefficients that stand here, not from those of the last round.
         let by = DVector::from_fn(n, |i, _| x[i] - self.values[i]);
         let physical = self.physical.moved(&by);
+        let is_moved = physical.values != self.physical.values;
         let mut terms: Terms = Vec::new();
         let mut strengths: Vec<(String, f64)> = Vec::new();
         let mut at = n;
         for (index, k) in self.chosen.iter().enumerate() {
-            let mut columns = k.candidate.columns(setting, self);
-            for (there, here) in columns.iter_mut().zip(k.candidate.columns_at(setting, self, &physical)) {
-                let both = there.iter_mut().zip(here).filter(|(t, _)| !physical.is_open(t.0));
-                both.for_each(|(there, here)| *there = here);
+            let mut columns = k.candidate.columns_at(setting, self, &physical);
+            // An inertia that stays open is the unit of what acts there, and is not moved.
+            if is_moved && columns.iter().flatten().any(|c| physical.is_open(c.0)) {
+                for (here, there) in columns.iter_mut().zip(k.candidate.columns(setting, self)) {
+                    let both = here.iter_mut().zip(there).filter(|(h, _)| physical.is_open(h.0));
+                    both.for_each(|(here, there)| *here = there);
+                }
             }
             for (j, column) in columns.into_iter().enumerate() {
                 // What is applied to the data is not in the equations.
