@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::candidates::{Candidate, Column};
 use super::design::Design;
-use super::power::Power;
+use super::power::{Power, Repeats};
 use super::prediction::Span;
 use super::relaxation::Relaxation;
 use super::setting::Setting;
@@ -200,7 +200,7 @@ impl Outcome {
     /// As [`design::residual`].
     pub fn power(&self, setting: &Setting<'_>, state: &State) -> Result<f64> {
         match &self.evidence {
-            Evidence::Weak(..) => Ok(self.rows(setting, state)?.ratio),
+            Evidence::Weak(..) => Ok(self.rows(setting, state, &Repeats::of(setting, state)?)?.ratio),
             Evidence::Shooting(_) => {
                 let all = self.powers();
                 Ok(all.iter().sum::<f64>() / all.len().max(1) as f64)
@@ -220,12 +220,13 @@ impl Outcome {
     ///
     /// # Errors
     /// An effect that the weak form cannot hold.
-    pub fn rows(&self, setting: &Setting<'_>, state: &State) -> Result<Power> {
+    pub fn rows(&self, setting: &Setting<'_>, state: &State, repeats: &Repeats) -> Result<Power> {
         let x = &self.fit.all;
         if let Evidence::Weak(design, _) = &self.evidence {
-            return power::power(setting, state, design, &self.own, x);
+            return power::power(setting, state, repeats, design, &self.own, x);
         }
-        power::power(setting, state, &design::build(setting, state, &state.stretches, &[])?, &self.own, x)
+        let design = design::build(setting, state, &state.stretches, &[])?;
+        power::power(setting, state, repeats, &design, &self.own, x)
     }
 }
 

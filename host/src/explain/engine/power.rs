@@ -50,23 +50,51 @@ pub struct Power {
     noise: Vec<Vec<f64>>,
 }
 
+/// The record smoothed, taken for the truth and measured again.
+pub struct Repeats {
+    /// As it is.
+    pub truth: Vec<Stretch>,
+    /// As the sensors show it, [`REPEATS`] times.
+    pub measured: Vec<Vec<Stretch>>,
+}
+
+impl Repeats {
+    /// Of a state's record.
+    ///
+    /// # Errors
+    /// Equations that the weak form cannot hold.
+    pub fn of(setting: &Setting<'_>, state: &State) -> Result<Self> {
+        let weak = WeakForm::new(setting.model(), setting.rig.omega(), &[])?;
+        let kernels = &setting.geometry.kernels;
+        let system = System { stretches: &state.stretches, weak: &weak, kernels, circle: &setting.circle };
+        let (truth, _) = smoothed(&system, &setting.geometry.windows);
+        let seen = |r: usize| {
+            let all = truth.iter().enumerate();
+            all.map(|(i, s)| measure(s, r, &setting.bound, &setting.sensors, i as u64)).collect()
+        };
+        let measured = (0..REPEATS).map(seen).collect();
+        Ok(Self { truth, measured })
+    }
+}
+
 /// Power of the rows' residuals for coefficients `x` of some columns beside what the sensors' noise
 /// alone gives.
 ///
 /// # Errors
 /// As [`design::residual`].
-pub fn power(setting: &Setting<'_>, state: &State, design: &Design, own: &[usize], x: &DVector<f64>) -> Result<Power> {
-    let weak = WeakForm::new(setting.model(), setting.rig.omega(), &[])?;
-    let kernels = &setting.geometry.kernels;
-    let system = System { stretches: &state.stretches, weak: &weak, kernels, circle: &setting.circle };
-    let (truth, _) = smoothed(&system, &setting.geometry.windows);
-    let clean = design::residual(setting, state, &truth)?;
+pub fn power(
+    setting: &Setting<'_>,
+    state: &State,
+    repeats: &Repeats,
+    design: &Design,
+    own: &[usize],
+    x: &DVector<f64>,
+) -> Result<Power> {
+    let clean = design::residual(setting, state, &repeats.truth)?;
     let shape = vec![vec![0.0_f64; design.frequencies + 1]; design.equations()];
     let (mut noise, mut count) = (shape.clone(), shape);
-    for r in 0..REPEATS {
-        let measured: Vec<Stretch> =
-            truth.iter().enumerate().map(|(i, s)| measure(s, r, &setting.bound, &setting.sensors, i as u64)).collect();
-        for (a, b) in clean.iter().zip(&design::residual(setting, state, &measured)?) {
+    for measured in &repeats.measured {
+        for (a, b) in clean.iter().zip(&design::residual(setting, state, measured)?) {
             for (row, (a, b)) in a.iter().zip(b).enumerate() {
                 let (e, m) = design.place_of_row(row);
                 noise[e][m] += (b - a) * (b - a);

@@ -7,22 +7,18 @@
 use nalgebra::DVector;
 
 use super::given;
-use super::power::Power;
+use super::power::{Power, Repeats};
 use super::residual_map::{Axis, Map, Residual, Where, together};
 use super::setting::{Lines, Setting};
 use super::state::State;
 use crate::effects::written::{balance_scale, balance_unit as unit_of};
 use crate::effects::{on_a_frame, places};
 use crate::identify::balance_error::strong_series;
-use crate::identify::noise_bias::REPEATS;
-use crate::identify::remeasured::{measure, smoothed};
-use crate::identify::series::System;
 use crate::identify::stretches::Stretch;
 use crate::identify::units::channel_units;
 use crate::model::model_file::Space;
 use crate::model::model_file::expression::{Function, Node, Symbol, add, call, multiply, number, symbol};
 use crate::model::model_file::tape::Tape;
-use crate::model::model_file::weak_form::WeakForm;
 use crate::signal::spectrum;
 use crate::system::bodies::Body;
 use crate::system::derivative::by_time;
@@ -206,7 +202,13 @@ fn scales(setting: &Setting<'_>, state: &State) -> Vec<(f64, String)> {
 
 /// Maps of all equations against all coordinates, and against frequency where the rows are known,
 /// and the places where they clearly disagree, largest first.
-pub fn maps(setting: &Setting<'_>, state: &State, x: &DVector<f64>, rows: Option<&Power>) -> (Vec<Map>, Vec<Where>) {
+pub fn maps(
+    setting: &Setting<'_>,
+    state: &State,
+    x: &DVector<f64>,
+    repeats: &Repeats,
+    rows: Option<&Power>,
+) -> (Vec<Map>, Vec<Where>) {
     let (axes, nodes) = axes(setting);
     let scales = scales(setting, state);
     let residuals: Vec<Node> =
@@ -219,15 +221,10 @@ pub fn maps(setting: &Setting<'_>, state: &State, x: &DVector<f64>, rows: Option
             stretches.iter().map(|s| strong_series(s, s.len(), &tape, kernels, &setting.circle)).collect();
         (0..tape.len()).map(|k| parts.iter().flat_map(|p| p[k].iter().copied()).collect()).collect()
     };
-    let Ok(weak) = WeakForm::new(setting.model(), setting.rig.omega(), &[]) else { return (Vec::new(), Vec::new()) };
-    let system = System { stretches: &state.stretches, weak: &weak, kernels, circle: &setting.circle };
-    let (truth, _) = smoothed(&system, &setting.geometry.windows);
-    let (values, clean) = (all(&state.stretches), all(&truth));
+    let (values, clean) = (all(&state.stretches), all(&repeats.truth));
     let mut noise: Vec<Vec<Vec<f64>>> = vec![Vec::new(); count];
-    for r in 0..REPEATS {
-        let measured: Vec<Stretch> =
-            truth.iter().enumerate().map(|(i, s)| measure(s, r, &setting.bound, &setting.sensors, i as u64)).collect();
-        let noisy = all(&measured);
+    for measured in &repeats.measured {
+        let noisy = all(measured);
         for (e, noise) in noise.iter_mut().enumerate() {
             noise.push(noisy[e].iter().zip(&clean[e]).map(|(a, b)| a - b).collect());
         }

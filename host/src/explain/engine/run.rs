@@ -3,6 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::power::Repeats;
 use super::prediction::{Model, Span};
 use super::residual_map::{Map, Where};
 use super::search::named;
@@ -166,9 +167,11 @@ impl<'a> Run<'a> {
 
     /// Where model and record disagree: maps, and the clearest places.
     fn places(&self, outcome: &Outcome) -> (Vec<Map>, Vec<Where>) {
+        let (setting, state) = (&self.setting, &self.state);
+        let Ok(repeats) = Repeats::of(setting, state) else { return (Vec::new(), Vec::new()) };
         // What the rows cannot hold has no map against frequency.
-        let rows = outcome.rows(&self.setting, &self.state).ok();
-        residual::maps(&self.setting, &self.state, &outcome.fit.all, rows.as_ref())
+        let rows = outcome.rows(setting, state, &repeats).ok();
+        residual::maps(setting, state, &outcome.fit.all, &repeats, rows.as_ref())
     }
 
     /// Measures the model after a step, of which the gap is known.
