@@ -50,10 +50,10 @@ pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -
     }
     let mut by_name = BTreeMap::new();
     for name in setting.whole.model.coefficients() {
-        let Some(p) = model.coefficient(&name) else {
+        let Some(p) = model.coefficient(name) else {
             return bad(format!("no parameter {name}"), "every coefficient");
         };
-        by_name.insert(name, p.value);
+        by_name.insert(name.clone(), p.value);
     }
     // A record's own coefficient starts from that of the first where the model knows fewer records.
     let value = |n: &String| -> Option<f64> {

@@ -282,15 +282,15 @@ pub fn parameters(
     let told_as = |name: &str| first.parameter(name).map_or_else(String::new, |p| p.unit.clone());
     for name in setting.whole.model.coefficients() {
         // A coefficient of which each record has its own is told once for each.
-        let columns = setting.own.columns(setting.model(), &name);
+        let columns = setting.own.columns(setting.model(), name);
         result.parameters.extend(columns.iter().map(|&i| {
             let name = setting.own.names[i].clone();
             Parameter { unit: told_as(&name), name, value: x[i], std_error: covariance[(i, i)].max(0.0).sqrt() }
         }));
         if columns.is_empty() {
-            let of = |m| damping(m, &name, &state.physical.values, &strengths);
+            let of = |m| damping(m, name, &state.physical.values, &strengths);
             let (value, std_error) = mechanism.map_or((f64::NAN, f64::NAN), of);
-            result.parameters.push(Parameter { unit: told_as(&name), name, value, std_error });
+            result.parameters.push(Parameter { unit: told_as(name), name: name.clone(), value, std_error });
         }
     }
     result.parameters.extend(told);
