@@ -15,7 +15,7 @@ use super::shooting::{Followed, Ground};
 use super::state::State;
 use super::{design, memory, power, shooting};
 use crate::error::{BadInput, Result};
-use crate::explain::decision::{self, Rows};
+use crate::explain::decision;
 use crate::explain::ranking::{self, FOLDS, Fit, Weights};
 use crate::identify::jackknife::widening;
 
@@ -66,14 +66,6 @@ impl decision::Evidence for Blocks {
 }
 
 impl Evidence {
-    /// As the choice takes it.
-    pub(in crate::explain) fn judged(&self) -> Box<dyn decision::Evidence + '_> {
-        match self {
-            Self::Weak(design, weights) => Box::new(Rows { design, weights }),
-            Self::Shooting(blocks) => Box::new(blocks),
-        }
-    }
-
     /// Whether strengths of a candidate are those that a record without it shows as well: in rows
     /// that hold the sensors' noise in products. Shooting predicts what the sensors show.
     pub fn feigned(
