@@ -42,6 +42,14 @@ impl Chosen {
         Self { strengths: vec![0.0; candidate.strengths()], candidate }
     }
 
+    /// Its strengths by a fit whose columns of them begin at `at`: those of an effect that is
+    /// applied to the data are increments there.
+    pub fn values(&self, x: &DVector<f64>, at: usize) -> Vec<f64> {
+        let is_applied = self.candidate.is_applied();
+        let of = |(i, s): (usize, &f64)| x[at + i] + if is_applied { *s } else { 0.0 };
+        self.strengths.iter().enumerate().map(of).collect()
+    }
+
     /// Where strengths are shares of the drive's amplitude, and that is known better now: the same
     /// effect as shares of the new one. An amplitude found before the effect was in the model is
     /// off by what it made of it (5 % for a second harmonic of 3 %).
@@ -122,12 +130,9 @@ impl State {
         let mut at = n;
         let mut applied = false;
         for k in &mut self.chosen {
-            let increments = k.candidate.is_applied();
-            applied |= increments;
-            for s in &mut k.strengths {
-                *s = x[at] + if increments { *s } else { 0.0 };
-                at += 1;
-            }
+            applied |= k.candidate.is_applied();
+            k.strengths = k.values(x, at);
+            at += k.strengths.len();
         }
         if applied {
             self.stretches = self.taken_off(setting, &setting.raw);

@@ -253,8 +253,7 @@ pub fn parameters(
     for (index, k) in state.chosen.iter().enumerate() {
         let d = k.strengths.len();
         let own = covariance.view((at_column, at_column), (d, d)).into_owned();
-        let applied = k.candidate.is_applied();
-        let values: Vec<f64> = (0..d).map(|i| x[at_column + i] + if applied { k.strengths[i] } else { 0.0 }).collect();
+        let values = k.values(x, at_column);
         let (reported, unit) = value(setting, &state.physical, &k.candidate, &values, &own);
         let name = k.candidate.name(setting);
         if index < state.dampings {
