@@ -150,12 +150,12 @@ fn attempt(
     let undecidable = undecidable(&setting, records, &first, blocks, window_s);
     let mut run = Run::new(setting, state, result, window_s, settings);
     if let Some(given) = given {
-        let fitted = core::mem::replace(&mut run.state, given);
+        let fitted = core::mem::replace(&mut run.told.state, given);
         run.as_given();
-        run.state = fitted;
+        run.told.state = fitted;
     }
     let outcome = run.search(undecidable.is_some(), settings)?;
-    let quieter = || shooting::quieter(&run.setting, &run.state);
+    let quieter = || shooting::quieter(&run.setting, &run.told.state);
     if let Some(sensors) = (!last && outcome.evidence.is_shooting()).then(quieter).flatten() {
         return Ok(Attempt::Quieter(sensors));
     }
