@@ -60,6 +60,11 @@ pub struct Found {
 }
 
 impl Found {
+    /// `ID@PLACE`.
+    pub fn name(&self) -> String {
+        format!("{}@{}", self.id, self.at)
+    }
+
     /// As a model's file holds it.
     pub(super) fn added(&self) -> AddedEffect {
         AddedEffect {
@@ -143,6 +148,11 @@ impl Refused {
     pub(super) fn new(name: &str, why: String) -> Self {
         let (id, at) = name.split_once('@').unwrap_or((name, ""));
         Self { id: id.to_owned(), at: at.to_owned(), why }
+    }
+
+    /// `ID@PLACE`; the effect alone where it has no place.
+    pub fn name(&self) -> String {
+        if self.at.is_empty() { self.id.clone() } else { format!("{}@{}", self.id, self.at) }
     }
 }
 

@@ -19,9 +19,8 @@ pub fn human(e: &Explanation, card: &Card) -> String {
             f.parameters.iter().map(|(k, v)| format!(", {} = {}", symbol_plain(k), significant(*v, 3))).collect();
         let _ = writeln!(
             out,
-            "  {}@{} adds {}{}; alone it explains {} of what was left where it was not fitted",
-            f.id,
-            f.at,
+            "  {} adds {}{}; alone it explains {} of what was left where it was not fitted",
+            f.name(),
             f.equation,
             parameters.concat(),
             percent(f.held_out_gain, 2)

@@ -81,7 +81,7 @@ pub struct Effect {
 impl Effect {
     /// `ID@PLACE`.
     pub fn name(&self) -> String {
-        format!("{}@{}", self.identified.id, self.identified.at)
+        self.identified.name()
     }
 
     /// Whether it changes what is recorded alone, not the motion.

@@ -20,7 +20,7 @@ pub fn card(v: &Validation, model: &IdentifiedModel, rig: &Rig) -> Card {
     });
     let effects = model.effects.iter().map(|e| CardRow {
         symbol: String::new(),
-        plain: names::effect(&format!("{}@{}", e.id, e.at)),
+        plain: names::effect(&e.name()),
         before: None,
         after: (e.value, e.std_error),
         unit: e.unit.clone(),

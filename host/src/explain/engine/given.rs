@@ -69,13 +69,13 @@ pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -
     }
     let lines: Vec<f64> = model.effects.iter().filter_map(|e| e.parameters.get("f").copied()).collect();
     let lines = Lines { of_frame: lines.clone(), of_forces: lines };
-    let has = |name: &str| model.effects.iter().any(|e| name == format!("{}@{}", e.id, e.at));
+    let has = |name: &str| model.effects.iter().any(|e| e.name() == name);
     let all = setting.candidates_of(&state.physical, &lines, &has);
     // Earlier versions wrote what stands at a coordinate without where it acts.
     let earlier = setting.is_written() && !model.found_with.contains_key(RECORD_S);
     let as_written = if earlier { at_coordinates::of(model, setting.model())? } else { Vec::new() };
     for (index, e) in model.effects.iter().enumerate() {
-        let name = format!("{}@{}", e.id, e.at);
+        let name = e.name();
         let found = all.iter().find(|c| {
             c.name(setting) == name
                 && (!c.refined_shapes().is_empty() || form_of(&c.entry, e).as_ref() == Some(&c.form))

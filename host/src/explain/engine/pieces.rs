@@ -8,7 +8,6 @@
 
 use super::evidence::{Outcome, refit};
 use super::run::Run;
-use super::search::named;
 use super::unknown::{self, Shape};
 use crate::explain::explanation::Refused;
 
@@ -52,7 +51,7 @@ impl Run<'_> {
             whole.unknown.at,
             whole.unknown.against
         );
-        self.told.result.refused = effects.iter().map(|f| Refused::new(&named(f), why.clone())).collect();
+        self.told.result.refused = effects.iter().map(|f| Refused::new(&f.name(), why.clone())).collect();
         self.told.result.ranking = ranking.into_iter().filter(|r| r.step == 0).collect();
         self.told.result.gap.attractor.truncate(1);
         self.told.result.residual_power = [power[0]; 2];

@@ -6,7 +6,6 @@ use nalgebra::{DMatrix, DVector};
 use super::power::Repeats;
 use super::prediction::{Model, Span};
 use super::residual_map::{Map, Where};
-use super::search::named;
 use super::setting::Setting;
 use super::state::State;
 use super::{
@@ -15,7 +14,7 @@ use super::{
 };
 use crate::error::Result;
 use crate::explain::decidability::{EXPLAINED_GAP, Left};
-use crate::explain::explanation::{Details, Explanation, Step, Verdict};
+use crate::explain::explanation::{Details, Explanation, Found, Step, Verdict};
 use crate::explain::{Settings, Undecidable, decidability, decision, ranking};
 use crate::identify::Identification;
 use crate::identify::stretches::Stretch;
@@ -293,7 +292,7 @@ impl<'a> Run<'a> {
             let after = self.places(outcome);
             self.told.result.maps_before = core::mem::replace(&mut self.told.result.maps, after.0);
             self.told.result.where_before = core::mem::replace(&mut self.told.result.r#where, after.1);
-            let added = self.told.result.effects.last().map(named);
+            let added = self.told.result.effects.last().map(Found::name);
             simulation::measure(&self.setting, &self.told.state, outcome, added, &mut self.told.result.simulation);
         }
         let by_shooting = outcome.evidence.is_shooting();

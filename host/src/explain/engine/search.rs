@@ -30,11 +30,6 @@ const LEAST_KEPT: f64 = 0.5;
 /// than noise has to fall: of 332 records three had an effect with which it did not, all wrong.
 const FARTHER: f64 = 1.05;
 
-/// `ID@PLACE` of a found effect.
-pub fn named(f: &Found) -> String {
-    format!("{}@{}", f.id, f.at)
-}
-
 impl Run<'_> {
     /// Adds effects until nothing more is supported, none where nothing can be decided, and takes
     /// away those that are nothing beside the others: what had stood in for another makes room for
@@ -112,7 +107,7 @@ impl Run<'_> {
                     let refused = self.told.result.effects.last().cloned();
                     (self.told.result.effects, self.told.state) = (before.effects, before.state);
                     if sharpened && !exchanged {
-                        self.told.state.unmoved.extend(refused.as_ref().map(named));
+                        self.told.state.unmoved.extend(refused.as_ref().map(Found::name));
                     } else {
                         search.refuse(refused.as_ref(), exchanged);
                     }
@@ -124,7 +119,7 @@ impl Run<'_> {
                 }
                 (_, before) => {
                     let outcome = outcome?;
-                    let added = self.told.result.effects.last().map(named).or_else(|| refitted.cloned());
+                    let added = self.told.result.effects.last().map(Found::name).or_else(|| refitted.cloned());
                     self.push(added, gap, &outcome)?;
                     // Beside another effect what was no better may be.
                     search.vain.clear();
@@ -220,7 +215,7 @@ impl Run<'_> {
             exchange::best(&self.setting, &self.told.state, outcome, &taken, &self.told.result.effects)?;
         search.exchanges += 1;
         let candidate = outcome.candidates[index].clone();
-        let old = named(&self.told.result.effects.remove(gone - self.told.state.nominal));
+        let old = self.told.result.effects.remove(gone - self.told.state.nominal).name();
         let found = tell_of(&self.setting, &self.told.state, &candidate, &fit);
         let found = Found { p_value, held_out_gain: share, indistinguishable_from: twins, ..found };
         self.told.result.effects.push(found);
@@ -238,11 +233,10 @@ impl Run<'_> {
             let why = format!(
                 "beside the other effects its strength is within {limit:.1} standard errors of nothing, as the best of so many {of_many} may be by chance"
             );
-            let gone = named(&self.told.result.effects.remove(k - self.told.state.nominal));
+            let gone = self.told.result.effects.remove(k - self.told.state.nominal).name();
             let refused = Refused::new(&gone, why);
             // It is not tried again beside whatever takes its place.
-            let name = (refused.id.clone(), refused.at.clone());
-            search.tried.extend([name.clone(), name]);
+            search.tried.extend([gone.clone(), gone.clone()]);
             self.told.result.refused.push(refused.clone());
             search.refused.push(refused);
             self.told.state.stretches = self.told.state.taken_off(&self.setting, &self.setting.raw);
@@ -288,7 +282,7 @@ pub(super) struct Search {
     /// Effects that did not keep what they promised.
     refused: Vec<Refused>,
     /// Effects and places that were tried in vain, each as often as it was.
-    tried: Vec<(String, String)>,
+    tried: Vec<String>,
     kept: Option<Before>,
     /// Effects that were no better in the place of another.
     vain: Vec<String>,
@@ -299,23 +293,23 @@ pub(super) struct Search {
 impl Search {
     /// Lets effects in again that were refused once.
     fn try_again(&mut self) {
-        let twice = |r: &Refused| self.tried.iter().filter(|t| **t == (r.id.clone(), r.at.clone())).count() > 1;
-        self.refused.retain(twice);
+        let times = |name: &str| self.tried.iter().filter(|t| *t == name).count();
+        self.refused.retain(|r| times(&r.name()) > 1);
     }
 
     fn refuse(&mut self, found: Option<&Found>, exchanged: bool) {
         if exchanged {
-            self.vain.extend(found.map(named));
+            self.vain.extend(found.map(Found::name));
             return;
         }
         let why = "with it in the model predictions come no nearer to the record than without it";
-        self.refused.extend(found.map(|f| Refused::new(&named(f), why.to_owned())));
-        self.tried.extend(found.map(|f| (f.id.clone(), f.at.clone())));
+        self.refused.extend(found.map(|f| Refused::new(&f.name(), why.to_owned())));
+        self.tried.extend(found.map(Found::name));
     }
 
     /// `ID@PLACE` of what was refused.
     pub(super) fn names(&self) -> Vec<String> {
-        self.refused.iter().map(|r| format!("{}@{}", r.id, r.at)).collect()
+        self.refused.iter().map(Refused::name).collect()
     }
 
     /// Whether a candidate is in the model or among some names, or its form was refused.

@@ -206,8 +206,6 @@ pub fn value(
 
 /// A found effect.
 pub fn found(setting: &Setting<'_>, c: &Candidate, reported: Reported, unit: String) -> Found {
-    let name = c.name(setting);
-    let place = name.split_once('@').map_or("", |p| p.1);
     let confirm = rounded(setting, c, &reported).unwrap_or(&c.entry.confirm).to_owned();
     Found {
         value: reported.value,
@@ -215,7 +213,7 @@ pub fn found(setting: &Setting<'_>, c: &Candidate, reported: Reported, unit: Str
         parameters: reported.parameters,
         equation: c.entry.equation.clone(),
         confirm,
-        ..Found::empty(&c.entry.id, place, unit)
+        ..Found::empty(&c.entry.id, &c.place_name(setting), unit)
     }
 }
 
@@ -259,10 +257,9 @@ pub fn parameters(
         if index < state.dampings {
             strengths.insert(name.clone(), (values[0], own[(0, 0)].max(0.0).sqrt()));
         } else if index < state.nominal {
-            let (id, at) = name.split_once('@').unwrap_or((&name, ""));
             result.given.push(AddedEffect {
-                id: id.to_owned(),
-                at: at.to_owned(),
+                id: k.candidate.entry.id.clone(),
+                at: k.candidate.place_name(setting),
                 value: reported.value,
                 std_error: reported.std_error,
                 unit: unit.clone(),

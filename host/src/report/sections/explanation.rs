@@ -180,7 +180,7 @@ fn effects(body: &mut Html, found: &[Found]) {
             let parameters: Vec<String> =
                 f.parameters.iter().map(|(k, v)| format!("{k} = {}", significant(*v, 3))).collect();
             [
-                format!("{}@{}", f.id, f.at),
+                f.name(),
                 plus_minus(f.value, Z95 * f.std_error),
                 f.unit.clone(),
                 parameters.join(", "),
