@@ -181,11 +181,6 @@ fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
     );
     let same = e.gap.forecasts.iter().find(|f| f.horizon_s == e.gap.horizon_s && f.steps.len() == e.gap.steps.len());
     let bar = |(i, (step, miss)): (usize, (&Step, &Miss))| {
-        let name = match step.added.as_deref() {
-            None => "the model as it was".to_owned(),
-            Some("refit") => "refitted to this record".to_owned(),
-            Some(added) => format!("with {}", names::effect(added)),
-        };
         let also =
             same.and_then(|f| f.steps.get(i).map(|s| (s.value, &f.unit))).map_or_else(String::new, |(v, unit)| {
                 format!(", {}{}", significant(v, 3), if unit == "deg" { "°".to_owned() } else { format!(" {unit}") })
@@ -196,7 +191,7 @@ fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
             // Of a miss that is told in the sensors' unit there is no second number.
             Miss::Own { .. } | Miss::Diverged => miss.to_string(),
         };
-        GapBar { name, value: step.value, label }
+        GapBar { name: step.told("with"), value: step.value, label }
     };
     (heading, e.gap.steps.iter().zip(&misses).enumerate().map(bar).collect())
 }

@@ -7,6 +7,7 @@ use serde::Serialize;
 use super::decidability::EXPLAINED_GAP;
 use super::engine::attractor::Attractor;
 use crate::report::format::{quantity, significant};
+use crate::report::names;
 
 /// One step of the gap.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -18,6 +19,15 @@ pub struct Step {
 }
 
 impl Step {
+    /// The model that it is of, an effect that was added behind a word.
+    pub fn told(&self, word: &str) -> String {
+        match self.added.as_deref() {
+            None => "the model as it was".to_owned(),
+            Some("refit") => "refitted to this record".to_owned(),
+            Some(added) => format!("{word} {}", names::effect(added)),
+        }
+    }
+
     /// Whether its value is a number.
     pub(super) fn is_finite(&self) -> bool {
         self.value.is_finite()

@@ -93,11 +93,7 @@ fn forecasts(body: &mut Html, e: &Explanation) {
     }));
     let rows: Vec<Vec<Html>> = (0..first.steps.len())
         .map(|i| {
-            let name = match &first.steps[i].added {
-                Some(name) if name == "refit" => "refitted to this record".to_owned(),
-                Some(name) => format!("+ {}", names::effect(name)),
-                None => "the model as it was".to_owned(),
-            };
+            let name = first.steps[i].told("+");
             let values = e.gap.forecasts.iter().filter_map(|f| f.steps.get(i)).map(|s| significant(s.value, 3));
             let gap = e.gap.steps.get(i).map_or_else(String::new, |s| significant(s.value, 3));
             [i.to_string(), name, gap].into_iter().chain(values).map(|t| Html::text(&t)).collect()
