@@ -151,18 +151,13 @@ fn parameters(e: &Explanation, equations: Option<&WrittenOut>) -> Vec<CardRow> {
     let row = |p: &Parameter| {
         let before = e.parameters_before.iter().find(|b| b.name == p.name).map(|b| (b.value, b.std_error));
         let found = e.effects.iter().find(|f| f.name() == p.name);
-        let effect = p.name.contains('@');
-        let multiplies = || equations.and_then(|w| w.multiplies.get(&p.name)).map(|m| format!("multiplies, {m}"));
-        let plain = match effect {
-            true => capitalised(&names::effect(&p.name)),
-            false => names::parameter(&p.name).map(str::to_owned).or_else(multiplies).unwrap_or_default(),
-        };
-        CardRow {
-            symbol: if effect { String::new() } else { p.name.clone() },
-            plain,
-            before,
-            after: found.map_or((p.value, p.std_error), |f| (f.value, f.std_error)),
-            unit: if p.unit == "1" { String::new() } else { p.unit.clone() },
+        let row = CardRow::of(p, equations);
+        let after = found.map_or(row.after, |f| (f.value, f.std_error));
+        match p.name.contains('@') {
+            true => {
+                CardRow { symbol: String::new(), plain: capitalised(&names::effect(&p.name)), before, after, ..row }
+            }
+            false => CardRow { before, after, ..row },
         }
     };
     e.parameters.iter().map(row).collect()
