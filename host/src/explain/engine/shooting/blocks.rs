@@ -76,6 +76,15 @@ fn solve_free(total: &DMatrix<f64>, held: &[bool], origin: &[f64]) -> Option<DVe
     Some(x)
 }
 
+/// What brings the columns of a Gram matrix, whose last is the target, to a diagonal of ones, and
+/// the matrix of these.
+fn to_unit_diagonal(gram: &DMatrix<f64>) -> (DVector<f64>, DMatrix<f64>) {
+    let p = gram.nrows() - 1;
+    let scale = DVector::from_fn(p, |i, _| gram[(i, i)].max(f64::MIN_POSITIVE).sqrt().recip());
+    let unit = DMatrix::from_fn(p, p, |i, j| gram[(i, j)] * scale[i] * scale[j]);
+    (scale, unit)
+}
+
 impl Blocks {
     /// Blocks of equal weight.
     pub fn new(windows: Vec<Vec<Part>>, signs: Vec<f64>, origin: Vec<f64>) -> Self {
@@ -247,8 +256,7 @@ impl Blocks {
         if freedom < 1.0 || own >= p {
             return None;
         }
-        let scale = DVector::from_fn(p, |i, _| total[(i, i)].max(f64::MIN_POSITIVE).sqrt().recip());
-        let unit = DMatrix::from_fn(p, p, |i, j| total[(i, j)] * scale[i] * scale[j]);
+        let (scale, unit) = to_unit_diagonal(total);
         // The last rows of Cholesky's factor are that of what the own columns leave.
         let factor = unit.cholesky()?.l().view((own, own), (p - own, p - own)).into_owned();
         let square = &factor * factor.transpose();
@@ -259,13 +267,12 @@ impl Blocks {
 
     /// Variances of coefficients `x` of some columns where what is left is noise alike everywhere;
     /// see [`Self::even_covariance`]. None where columns are singular.
-    pub fn even_variances(&self, columns: &[usize], x: &DVector<f64>) -> Option<Vec<f64>> {
+    fn even_variances(&self, columns: &[usize], x: &DVector<f64>) -> Option<Vec<f64>> {
         let p = columns.len();
         let total = self.grams(columns).into_iter().fold(DMatrix::zeros(p + 1, p + 1), |s, g| s + g);
         let freedom = self.noise() - p as f64;
         let x = x - DVector::from_vec(self.origin_of(columns));
-        let scale = DVector::from_fn(p, |i, _| total[(i, i)].max(f64::MIN_POSITIVE).sqrt().recip());
-        let unit = DMatrix::from_fn(p, p, |i, j| total[(i, j)] * scale[i] * scale[j]);
+        let (scale, unit) = to_unit_diagonal(&total);
         let inverse = unit.cholesky()?.inverse();
         let shared = squares(&total, &x) / freedom;
         let variance = |i: usize| shared * self.overlap(&columns[i..=i]) * inverse[(i, i)] * scale[i] * scale[i];
@@ -306,11 +313,8 @@ impl Blocks {
     /// Whether columns behind the own ones can be told from what these do together: a share of each
     /// is left that they do not explain.
     pub fn separable(&self, own: usize, total: &DMatrix<f64>) -> bool {
-        let p = total.nrows() - 1;
-        let scale = DVector::from_fn(p, |i, _| total[(i, i)].max(f64::MIN_POSITIVE).sqrt().recip());
-        let unit = DMatrix::from_fn(p, p, |i, j| total[(i, j)] * scale[i] * scale[j]);
-        let Some(factor) = unit.cholesky() else { return false };
-        (own..p).all(|i| factor.l_dirty()[(i, i)].powi(2) > SEPARABLE)
+        let Some(factor) = to_unit_diagonal(total).1.cholesky() else { return false };
+        (own..total.nrows() - 1).all(|i| factor.l_dirty()[(i, i)].powi(2) > SEPARABLE)
     }
 
     /// Fits some columns; none where they are singular or the blocks too few. What is held at zero
