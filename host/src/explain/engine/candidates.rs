@@ -65,7 +65,7 @@ impl Candidate {
         }
         let candidate = Self { entry: entry.clone(), place, form, is_sharpened: false, action, beside: Vec::new() };
         if matches!(candidate.action, Action::Force(_) | Action::Changes(_)) {
-            let all = candidate.at_values(setting, physical);
+            let all = candidate.plain(setting, physical);
             let holds =
                 |of: &Node| setting.shooting || pieces_of_effect(of, setting.rig.omega(), &setting.circle).is_ok();
             // Nothing that the weak form cannot hold, nothing that is nothing.
@@ -86,14 +86,9 @@ impl Candidate {
         action.map_or_else(Vec::new, |a| at_values(setting, &a, entry.strengths.len(), physical))
     }
 
-    /// Its columns but those of a sensor or the phase, none of them refined.
+    /// Its columns but those of a sensor or the phase, none of them refined, at values of what they
+    /// rest on and of the equations' own coefficients.
     pub fn plain(&self, setting: &Setting<'_>, physical: &Physical) -> Vec<Column> {
-        self.at_values(setting, physical)
-    }
-
-    /// Its columns but those of a sensor or the phase, at values of what they rest on and of the
-    /// equations' own coefficients.
-    fn at_values(&self, setting: &Setting<'_>, physical: &Physical) -> Vec<Column> {
         at_values(setting, &self.action, self.entry.strengths.len(), physical)
     }
 
