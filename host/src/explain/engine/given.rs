@@ -13,7 +13,7 @@ use crate::error::{BadInput, Result};
 use crate::identify::model_file::own_keys;
 use crate::model::identified::{AddedEffect, IdentifiedModel, RECORD_S, System};
 use crate::model::model_file::expression::multiple;
-use crate::motion::at_coordinates;
+use crate::motion::{at_coordinates, check_drive};
 use crate::system::mechanism::Mechanism;
 
 /// The shape parameters of an effect in a file; none where one is missing.
@@ -29,8 +29,13 @@ pub fn form_of(entry: &Entry, e: &AddedEffect) -> Option<Form> {
         .collect()
 }
 
+/// An error about the model that was given.
+fn told(e: BadInput) -> BadInput {
+    e.at("--model").remedy("Give a model that was identified on this rig")
+}
+
 fn bad<T>(found: String, expected: &str) -> Result<T> {
-    Err(BadInput::new(found, expected).at("--model").remedy("Give a model that was identified on this rig"))
+    Err(told(BadInput::new(found, expected)))
 }
 
 /// Takes a model's coefficients, dampings and effects over.
@@ -43,11 +48,7 @@ pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -
         System::Own(_) => return bad("other equations".to_owned(), "those of the rig's model file"),
         System::BuiltIn(id) => return bad(format!("a model of \"{id}\""), "a model of the rig's own system"),
     }
-    let frequency = setting.rig.drive.map(|d| d.frequency_hz);
-    if model.drive_frequency_hz != frequency {
-        let text = |f: Option<f64>| f.map_or("no drive".to_owned(), |f| format!("a drive of {f} Hz"));
-        return bad(text(model.drive_frequency_hz), &format!("{}, as in the rig file", text(frequency)));
-    }
+    check_drive(model, setting.rig).map_err(told)?;
     let mut by_name = BTreeMap::new();
     for name in setting.whole.model.coefficients() {
         let Some(p) = model.coefficient(name) else {

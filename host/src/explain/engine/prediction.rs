@@ -65,9 +65,14 @@ struct Windows {
     length: usize,
 }
 
+/// Samples over a horizon, its two ends among them.
+fn samples(track: &Track<'_>, horizon_s: f64) -> usize {
+    ((horizon_s / track.spacing_s).round() as usize).max(8) + 1
+}
+
 /// At most `most` windows of a horizon in a part of the record, spread evenly.
 fn windows(track: &Track<'_>, horizon_s: f64, part: Part<'_>, most: usize) -> Windows {
-    let length = ((horizon_s / track.spacing_s).round() as usize).max(8) + 1;
+    let length = samples(track, horizon_s);
     let known = |at: (usize, usize)| (at, track.is_known(at.0, at.1));
     let mut all: Vec<((usize, usize), bool)> = part.places(track, length).into_iter().map(known).collect();
     // Where states are known from windows that were followed, one whose start has to be sought, and
@@ -259,7 +264,7 @@ impl Model<'_> {
         let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
         let step_s = self.step_s.unwrap_or_else(|| step_of(self.motion, self.parameters, track, &piece, &guess));
         let problem = track.problem(self.motion, step_s, &at);
-        let length = ((horizon_s / track.spacing_s).round() as usize).max(8) + 1;
+        let length = samples(track, horizon_s);
         let mut room = problem.room(false);
         let head = problem.head(&piece, length);
         let (state, _) =
