@@ -28,6 +28,7 @@
 //! | `forecast`, `attractor` | the last 30 %, how long predictions hold, Poincaré sections |
 //! | `power` | what noise alone leaves, what sensors alone feign |
 //! | `residual`, `residual_map` | where what is left sits |
+//! | `axes` | coordinates that it is looked at against |
 //! | `patched`, `pieces` | a shape put together from several effects |
 //! | `relaxation` | how far inertias go from round to round |
 //! | `tell`, `units` | values, units, the model |
@@ -35,6 +36,7 @@
 //! | `unknown` | the shape of what has no name |
 
 pub mod attractor;
+mod axes;
 mod candidates;
 mod chosen;
 pub mod compared;

@@ -6,22 +6,21 @@
 
 use nalgebra::DVector;
 
+use super::axes;
 use super::given;
 use super::power::{Power, Repeats};
-use super::residual_map::{Axis, Map, Residual, Where, together};
+use super::residual_map::{Map, Residual, Where, together};
 use super::setting::{Lines, Setting};
 use super::state::State;
+use crate::effects::on_a_frame;
 use crate::effects::written::{balance_scale, balance_unit as unit_of};
-use crate::effects::{on_a_frame, places};
 use crate::identify::balance_error::strong_series;
 use crate::identify::stretches::Stretch;
 use crate::identify::units::channel_units;
 use crate::model::model_file::Space;
-use crate::model::model_file::expression::{Function, Node, Symbol, add, call, multiply, number, symbol};
+use crate::model::model_file::expression::{Node, add, multiply, number};
 use crate::model::model_file::tape::Tape;
 use crate::signal::spectrum;
-use crate::system::bodies::Body;
-use crate::system::derivative::by_time;
 use crate::system::mechanism::{Mechanism, at};
 use crate::system::polynomial::Polynomial;
 
@@ -53,44 +52,6 @@ fn residuals(setting: &Setting<'_>, state: &State, x: &DVector<f64>) -> Vec<Node
         }
     }
     out
-}
-
-/// Coordinates that residuals are looked at against.
-fn axes(setting: &Setting<'_>) -> (Vec<Axis>, Vec<Node>) {
-    let (mut axes, mut nodes): (Vec<Axis>, Vec<Node>) = (Vec::new(), Vec::new());
-    let Some(file) = setting.file() else { return (axes, nodes) };
-    let mut seen: Vec<Polynomial> = Vec::new();
-    let mut put = |axis: Axis, of: Node| {
-        axes.push(axis);
-        nodes.push(of);
-    };
-    for j in &file.joints {
-        let moves = &j.moves.value;
-        let angle = places::is_angle(file, moves);
-        let (x, unit) = if angle { (call(Function::Wrap, moves.node()), "rad") } else { (moves.node(), "m") };
-        put(Axis { name: format!("{} of {}", if angle { "angle" } else { "position" }, j.name), unit, turn: angle }, x);
-        if let Ok(rate) = by_time(moves, file.coordinates.len(), setting.rig.omega()) {
-            let unit = if angle { "rad/s" } else { "m/s" };
-            put(Axis { name: format!("velocity of {}", j.name), unit, turn: false }, rate.node());
-        }
-        seen.push(moves.clone());
-    }
-    for b in &file.bodies {
-        if let Body::Arm { name, angle: Some(angle), .. } = &b.value
-            && !seen.contains(angle)
-            && let Ok(rate) = by_time(angle, file.coordinates.len(), setting.rig.omega())
-        {
-            put(Axis { name: format!("velocity of {name}"), unit: "rad/s", turn: false }, rate.node());
-        }
-    }
-    if setting.rig.drive.is_some() {
-        put(
-            Axis { name: "drive phase".to_owned(), unit: "rad", turn: true },
-            call(Function::Wrap, symbol(Symbol::Tau)),
-        );
-    }
-    put(Axis { name: "time".to_owned(), unit: "s", turn: false }, symbol(Symbol::Time));
-    (axes, nodes)
 }
 
 /// Unit of what stands on the right-hand side of a written equation, in seconds.
@@ -209,7 +170,8 @@ pub fn maps(
     repeats: &Repeats,
     rows: Option<&Power>,
 ) -> (Vec<Map>, Vec<Where>) {
-    let (axes, nodes) = axes(setting);
+    let axes = axes::all(setting);
+    let nodes: Vec<Node> = axes.iter().map(|a| a.of.clone()).collect();
     let scales = scales(setting, state);
     let residuals: Vec<Node> =
         residuals(setting, state, x).into_iter().zip(&scales).map(|(r, s)| multiply(number(s.0), r)).collect();
