@@ -10,7 +10,7 @@
 use nalgebra::DVector;
 use serde::Serialize;
 
-use super::prediction::{Model, Span};
+use super::prediction::Span;
 use super::setting::Setting;
 use super::state::State;
 use crate::identify::stretches::Stretch;
@@ -48,10 +48,10 @@ pub fn measure(
     if !setting.circle.iter().all(|c| *c) {
         return None;
     }
-    let (motion, parameters, hidden) = state.free_motion_of(setting, x, 0)?;
-    let model = Model { motion: &motion, parameters: &parameters, step_s };
+    let moving = state.free_motion_of(setting, x, 0)?;
+    let model = moving.model(step_s);
     let tolerance = vec![TOLERANCE_DEG.to_radians(); setting.bound.sensors.len()];
-    state.on_free_track(setting, hidden, |track| {
+    state.on_free_track(setting, moving.hidden.clone(), |track| {
         let prediction_horizon_s = model.holds_s(track, (horizon_s, held_out), &tolerance, LONGEST * horizon_s)?;
         let longest = (0..state.stretches.len()).max_by_key(|&k| (state.stretches[k].len(), usize::MAX - k))?;
         let test = setting.rig.drive.and_then(|_| {

@@ -8,7 +8,7 @@
 use nalgebra::DVector;
 use serde::Serialize;
 
-use super::prediction::{Model, Span};
+use super::prediction::Span;
 use super::setting::Setting;
 use super::state::State;
 use super::units::Unit;
@@ -60,9 +60,9 @@ pub fn compare(
     let [least, most] = SPAN.map(|f| f * horizons.0);
     let span_s = holds_s.map_or(2.0 * least, |h| HELD * h).clamp(least, most).min(horizons.1);
     let run = |(state, x): Stage<'_>| -> Vec<((usize, usize), Vec<f64>)> {
-        let Some((motion, parameters, hidden)) = state.free_motion_of(setting, x, 0) else { return Vec::new() };
-        let model = Model { motion: &motion, parameters: &parameters, step_s };
-        state.on_free_track(setting, hidden, |t| model.free(t, (horizons.0, held_out), span_s, MOST))
+        let Some(moving) = state.free_motion_of(setting, x, 0) else { return Vec::new() };
+        let model = moving.model(step_s);
+        state.on_free_track(setting, moving.hidden.clone(), |t| model.free(t, (horizons.0, held_out), span_s, MOST))
     };
     // Parameters are those of the first record.
     let of_first = |at: &(usize, usize)| setting.record_of.get(at.0).is_none_or(|r| *r == 0);

@@ -4,7 +4,7 @@
 use nalgebra::DVector;
 
 use super::Outcome;
-use super::prediction::{Model, Part};
+use super::prediction::Part;
 use super::setting::Setting;
 use super::state::State;
 use super::units::Unit;
@@ -61,12 +61,12 @@ pub fn measure(
     all: &mut [Forecast],
 ) {
     let (stretch, sample) = split(state);
-    let motion = x.and_then(|x| state.motion(setting, x));
+    let moving = x.and_then(|x| state.motion(setting, x));
     let factor = Unit::of(setting.rig, setting.whole).factor;
     for f in all {
         let most = LEAST_WINDOWS.max((MOST_WINDOWS * gap_s / f.horizon_s) as usize);
-        let error = motion.as_ref().and_then(|(motion, parameters)| {
-            let model = Model { motion, parameters, step_s };
+        let error = moving.as_ref().and_then(|moving| {
+            let model = moving.model(step_s);
             state.on_track(setting, |t| model.error(t, f.horizon_s, Part::From(stretch, sample), most))
         });
         // What is no number is left out in the end.

@@ -22,7 +22,7 @@ use super::candidates::Candidate;
 use super::design::{self, Design};
 use super::residual_map::{CLEARLY, Map, Where, merge};
 use super::setting::Setting;
-use super::state::State;
+use super::state::{Moving, State};
 use crate::error::Result;
 use crate::explain::ranking::{self, Fit, Weights};
 use crate::identify::chain_bias;
@@ -183,12 +183,12 @@ fn on_its_own(
     x: &DVector<f64>,
     candidate: &Candidate,
 ) -> Option<(DVector<f64>, usize)> {
-    let (motion, parameters) = state.motion(setting, x)?;
+    let Moving { equations, parameters, .. } = state.motion(setting, x)?;
     let weak = WeakForm::new(setting.model(), setting.rig.omega(), &[]).ok()?;
     let kernels = &setting.geometry.kernels;
     let system = System { stretches: &state.stretches, weak: &weak, kernels, circle: &setting.circle };
     let cells = cells(&setting.sensors.sigma);
-    let motions = chain_bias::motions(&motion, &parameters, &system, &setting.geometry.windows, setting.rig, cells)?;
+    let motions = chain_bias::motions(&equations, &parameters, &system, &setting.geometry.windows, setting.rig, cells)?;
     let d = candidate.strengths();
     let columns: Vec<usize> = (0..state.own_columns() + d).collect();
     let mut sum = DVector::zeros(d);

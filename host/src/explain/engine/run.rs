@@ -4,7 +4,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::power::Repeats;
-use super::prediction::{Model, Span};
+use super::prediction::Span;
 use super::residual_map::{Map, Where};
 use super::setting::Setting;
 use super::state::State;
@@ -100,8 +100,8 @@ impl<'a> Run<'a> {
 
     /// The gap of the model with coefficients `x` at a horizon.
     fn gap_at(&self, x: &DVector<f64>, horizon_s: f64) -> f64 {
-        let Some((motion, parameters)) = self.told.state.motion(&self.setting, x) else { return f64::NAN };
-        let model = Model { motion: &motion, parameters: &parameters, step_s: self.step_s() };
+        let Some(moving) = self.told.state.motion(&self.setting, x) else { return f64::NAN };
+        let model = moving.model(self.step_s());
         self.told.state.on_track(&self.setting, |track| model.gap(track, horizon_s, &self.told.held_out))
     }
 
@@ -116,8 +116,8 @@ impl<'a> Run<'a> {
         else {
             return Vec::new();
         };
-        let Some((motion, parameters)) = self.told.state.motion(&self.setting, x) else { return Vec::new() };
-        let model = Model { motion: &motion, parameters: &parameters, step_s: self.step_s() };
+        let Some(moving) = self.told.state.motion(&self.setting, x) else { return Vec::new() };
+        let model = moving.model(self.step_s());
         let made = |repeat| State {
             stretches: shooting::remade_record(&self.setting, &self.told.state, followed, repeat),
             ..self.told.state.clone()

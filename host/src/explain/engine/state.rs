@@ -6,6 +6,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use super::candidates::Candidate;
+use super::prediction::Model;
 use super::relaxation::Relaxation;
 use super::setting::{Physical, Setting};
 use super::shooting::Followed;
@@ -59,6 +60,23 @@ impl Chosen {
             self.candidate = candidate;
             self.strengths.iter_mut().for_each(|s| *s *= ratio);
         }
+    }
+}
+
+/// A model that moves.
+pub struct Moving {
+    /// Its equations.
+    pub equations: EquationsOfMotion,
+    /// Values of their parameters.
+    pub parameters: Vec<f64>,
+    /// Numbers of the states of effects that they follow themselves.
+    pub hidden: Vec<usize>,
+}
+
+impl Moving {
+    /// As one that predicts; the step of integration is sought where none is given.
+    pub fn model(&self, step_s: Option<f64>) -> Model<'_> {
+        Model { motion: &self.equations, parameters: &self.parameters, step_s }
     }
 }
 
@@ -170,68 +188,46 @@ impl State {
         raw.iter().map(|s| all.taken_off(s, &setting.bound)).collect()
     }
 
-    /// The model's equations of motion, and its parameters at the coefficients `x` (the equations'
-    /// own, then strengths), those of the first record.
-    pub fn motion(&self, setting: &Setting<'_>, x: &DVector<f64>) -> Option<(EquationsOfMotion, Vec<f64>)> {
-        self.motion_of(setting, x, 0)
+    /// The model's equations of motion at the coefficients `x` (the equations' own, then strengths)
+    /// of the first record, which take the states of effects from it.
+    pub fn motion(&self, setting: &Setting<'_>, x: &DVector<f64>) -> Option<Moving> {
+        self.moving(setting, x, 0, None)
     }
 
-    /// The same for any record.
-    pub fn motion_of(
-        &self,
-        setting: &Setting<'_>,
-        x: &DVector<f64>,
-        record: usize,
-    ) -> Option<(EquationsOfMotion, Vec<f64>)> {
-        let (terms, strengths) = self.terms(setting, x);
-        let motion = EquationsOfMotion::with_columns(setting.model(), setting.rig.omega(), &terms).ok()?;
-        let values = self.parameters(setting, x, record, &motion, &strengths);
-        Some((motion, values))
-    }
-
-    /// The same for a free run, which follows the states of effects with its own motion; also their
-    /// numbers.
-    pub fn free_motion_of(
-        &self,
-        setting: &Setting<'_>,
-        x: &DVector<f64>,
-        record: usize,
-    ) -> Option<(EquationsOfMotion, Vec<f64>, Vec<usize>)> {
-        self.motion_hiding(setting, x, record, &|_| true)
+    /// The same of any record for a free run, which follows the states of effects with its own
+    /// motion.
+    pub fn free_motion_of(&self, setting: &Setting<'_>, x: &DVector<f64>, record: usize) -> Option<Moving> {
+        self.moving(setting, x, record, Some(&|_| true))
     }
 
     /// The same for shooting, whose paths move the states of effects with them; those that are
     /// beside them, by which shapes are refined, are the record's.
-    pub fn followed_motion_of(
-        &self,
-        setting: &Setting<'_>,
-        x: &DVector<f64>,
-        record: usize,
-    ) -> Option<(EquationsOfMotion, Vec<f64>, Vec<usize>)> {
+    pub fn followed_motion_of(&self, setting: &Setting<'_>, x: &DVector<f64>, record: usize) -> Option<Moving> {
         let own = self.own_states();
-        self.motion_hiding(setting, x, record, &|k| own.contains(&k))
+        self.moving(setting, x, record, Some(&|k| own.contains(&k)))
     }
 
-    fn motion_hiding(
+    fn moving(
         &self,
         setting: &Setting<'_>,
         x: &DVector<f64>,
         record: usize,
-        hides: &dyn Fn(usize) -> bool,
-    ) -> Option<(EquationsOfMotion, Vec<f64>, Vec<usize>)> {
+        hides: Option<&dyn Fn(usize) -> bool>,
+    ) -> Option<Moving> {
         let (mut terms, strengths) = self.terms(setting, x);
-        for (_, _, of) in &mut terms {
-            *of = of.replace(&|s| match s {
+        if let Some(hides) = hides {
+            let own = |s: Symbol| match s {
                 Symbol::Memory(k) if hides(k) => {
                     setting.laws.law(k).map_or_else(|| symbol(s), |(m, j)| Arc::new(Expression::Memory(m, j)))
                 }
                 other => symbol(other),
-            });
+            };
+            terms.iter_mut().for_each(|(_, _, of)| *of = of.replace(&own));
         }
-        let motion = EquationsOfMotion::with_columns(setting.model(), setting.rig.omega(), &terms).ok()?;
-        let values = self.parameters(setting, x, record, &motion, &strengths);
-        let numbers = motion.hidden().iter().map(|(m, j)| setting.laws.number(m, *j)).collect();
-        Some((motion, values, numbers))
+        let equations = EquationsOfMotion::with_columns(setting.model(), setting.rig.omega(), &terms).ok()?;
+        let parameters = self.parameters(setting, x, record, &equations, &strengths);
+        let hidden = equations.hidden().iter().map(|(m, j)| setting.laws.number(m, *j)).collect();
+        Some(Moving { equations, parameters, hidden })
     }
 
     /// Values of an equation's coefficients: the record's own, then strengths.

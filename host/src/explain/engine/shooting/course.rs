@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::super::candidates::{Candidate, Column};
 use super::super::setting::Setting;
-use super::super::state::State;
+use super::super::state::{Moving, State};
 use super::blocks::{Blocks, Part};
 use super::by_inertia;
 use super::forcing::{Additions, Forcing};
@@ -221,7 +221,7 @@ impl<'a> Course<'a> {
         let motion = |record: usize| self.state.followed_motion_of(self.setting, &x, record);
         let motions = (0..self.setting.own.of_record.len()).map(motion).collect::<Option<Vec<_>>>()?;
         let of = |w: &Window| {
-            let (motion, parameters, hidden) = motions.get(self.record_of(w))?;
+            let Moving { equations: motion, parameters, hidden } = motions.get(self.record_of(w))?;
             let field = VectorField { motion, parameters };
             Linear::new(
                 paths[w.stretch].of(w, self.setting.circle.len()),
