@@ -28,7 +28,7 @@ use crate::explain::ranking::{self, Fit, Weights};
 use crate::identify::chain_bias;
 use crate::identify::chain_bias::cells;
 use crate::identify::noise_bias::REPEATS;
-use crate::identify::remeasured::{measure, smoothed};
+use crate::identify::remeasured::{repeat, smoothed};
 use crate::identify::series::System;
 use crate::identify::stretches::Stretch;
 use crate::model::model_file::weak_form::WeakForm;
@@ -68,11 +68,7 @@ impl Repeats {
         let kernels = &setting.geometry.kernels;
         let system = System { stretches: &state.stretches, weak: &weak, kernels, circle: &setting.circle };
         let (truth, _) = smoothed(&system, &setting.geometry.windows);
-        let seen = |r: usize| {
-            let all = truth.iter().enumerate();
-            all.map(|(i, s)| measure(s, r, &setting.bound, &setting.sensors, i as u64)).collect()
-        };
-        let measured = (0..REPEATS).map(seen).collect();
+        let measured = (0..REPEATS).map(|r| repeat(&truth, r, &setting.bound, &setting.sensors)).collect();
         Ok(Self { truth, measured })
     }
 }
@@ -194,11 +190,7 @@ fn on_its_own(
     let mut sum = DVector::zeros(d);
     let mut windows = 0;
     for r in 0..REPEATS {
-        let seen: Vec<Stretch> = motions
-            .iter()
-            .enumerate()
-            .map(|(i, s)| measure(s, r, &setting.bound, &setting.sensors, i as u64))
-            .collect();
+        let seen = repeat(&motions, r, &setting.bound, &setting.sensors);
         let design = design::build(setting, state, &seen, &[candidate]).ok()?;
         let x = ranking::fit_some(&design, &columns, weights, |_| true)?;
         sum += x.rows(x.len() - d, d);
