@@ -25,6 +25,19 @@ const AT_REST: f64 = 7.0;
 /// A part of a stretch: its number, and the samples of it at which the part begins and ends.
 pub type Span = [usize; 3];
 
+/// Predictions of what was not fitted.
+#[derive(Clone, Copy, Debug)]
+pub struct Predictions<'a> {
+    /// Horizon of the gap, s.
+    pub horizon_s: f64,
+    /// Longest over which it is measured: a window, s.
+    pub longest_s: f64,
+    /// What the coefficients that they are made with were not fitted to.
+    pub held_out: &'a [Span],
+    /// Step of integration, s; sought where none is given.
+    pub step_s: Option<f64>,
+}
+
 /// Where predictions are made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Part<'a> {
@@ -191,15 +204,9 @@ impl Model<'_> {
     /// How long predictions from windows inside what was not fitted, whose states were fitted over
     /// the horizon, hold until a sensor is off by its tolerance: the median, s; nothing where the
     /// model has no solution. They run for `longest_s` at most.
-    pub fn holds_s(
-        &self,
-        track: &Track<'_>,
-        (horizon_s, held_out): (f64, &[Span]),
-        tolerance: &[f64],
-        longest_s: f64,
-    ) -> Option<f64> {
-        let windows = windows(track, horizon_s, Part::HeldOut(held_out), MOST_WINDOWS);
-        let (states, step_s) = self.states(track, &windows, horizon_s);
+    pub fn holds_s(&self, track: &Track<'_>, how: Predictions<'_>, tolerance: &[f64], longest_s: f64) -> Option<f64> {
+        let windows = windows(track, how.horizon_s, Part::HeldOut(how.held_out), MOST_WINDOWS);
+        let (states, step_s) = self.states(track, &windows, how.horizon_s);
         let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
         let problem = track.problem(self.motion, step_s, &at);
         let sensors = track.sensors.len().max(1);
@@ -233,12 +240,12 @@ impl Model<'_> {
     pub fn free(
         &self,
         track: &Track<'_>,
-        (horizon_s, held_out): (f64, &[Span]),
+        how: Predictions<'_>,
         span_s: f64,
         most: usize,
     ) -> Vec<((usize, usize), Vec<f64>)> {
-        let windows = windows(track, horizon_s, Part::HeldOut(held_out), most);
-        let (states, step_s) = self.states(track, &windows, horizon_s);
+        let windows = windows(track, how.horizon_s, Part::HeldOut(how.held_out), most);
+        let (states, step_s) = self.states(track, &windows, how.horizon_s);
         let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
         let problem = track.problem(self.motion, step_s, &at);
         let (sensors, count) = (track.sensors.len().max(1), (span_s / track.spacing_s).round() as usize + 1);

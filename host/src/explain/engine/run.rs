@@ -4,7 +4,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::power::Repeats;
-use super::prediction::Span;
+use super::prediction::{Predictions, Span};
 use super::residual_map::{Map, Where};
 use super::setting::Setting;
 use super::state::State;
@@ -142,9 +142,13 @@ impl<'a> Run<'a> {
         all.map(|h| (h, self.gap_at(x, h))).collect()
     }
 
+    fn predictions(&self) -> Predictions<'_> {
+        let Told { horizons: (horizon_s, longest_s), held_out, .. } = &self.told;
+        Predictions { horizon_s: *horizon_s, longest_s: *longest_s, held_out, step_s: self.step_s() }
+    }
+
     fn attractor(&mut self, x: &DVector<f64>) {
-        let part = (self.told.horizons.0, &self.told.held_out[..]);
-        let found = attractor::measure(&self.setting, &self.told.state, x, part, self.step_s());
+        let found = attractor::measure(&self.setting, &self.told.state, x, self.predictions());
         self.told.result.gap.attractor.extend(found);
     }
 
@@ -158,9 +162,10 @@ impl<'a> Run<'a> {
         self.forecast(None, Some(&x));
     }
 
-    fn forecast(&mut self, added: Option<String>, x: Option<&DVector<f64>>) {
-        let from = (added, self.told.horizons.0, self.step_s());
-        forecast::measure(&self.setting, &self.told.state, x, from, &mut self.told.result.gap.forecasts);
+    fn forecast(&mut self, added: Option<&String>, x: Option<&DVector<f64>>) {
+        let mut all = core::mem::take(&mut self.told.result.gap.forecasts);
+        forecast::measure(&self.setting, &self.told.state, x, added, self.predictions(), &mut all);
+        self.told.result.gap.forecasts = all;
     }
 
     /// Where model and record disagree: maps, and the clearest places.
@@ -179,7 +184,7 @@ impl<'a> Run<'a> {
     pub fn push(&mut self, added: Option<String>, gap: f64, outcome: &Outcome) -> Result<()> {
         self.told.result.gap.steps.push(Step { added: added.clone(), value: gap });
         let x = forecast::fitted(&self.told.state, outcome);
-        self.forecast(added.clone(), x.as_ref());
+        self.forecast(added.as_ref(), x.as_ref());
         self.told.result.residual_power[1] = outcome.power(&self.setting, &self.told.state)?;
         if self.told.result.effects.is_empty() {
             self.told.result.residual_power[0] = self.told.result.residual_power[1];
@@ -232,7 +237,7 @@ impl<'a> Run<'a> {
         self.told.result.gap.steps.push(Step { added: last.clone(), value });
         self.told.result.gap.forecasts.iter_mut().for_each(|f| drop(f.steps.pop()));
         let x = forecast::fitted(&self.told.state, outcome);
-        self.forecast(last, x.as_ref());
+        self.forecast(last.as_ref(), x.as_ref());
         self.told.result.residual_power[1] = outcome.power(&self.setting, &self.told.state)?;
         Ok(())
     }
@@ -246,8 +251,8 @@ impl<'a> Run<'a> {
         self.told.result.parameters_before = told.parameters;
         let after = (!self.told.result.effects.is_empty()).then_some((&self.told.state, x));
         let holds_s = self.told.result.gap.attractor.last().map(|a| a.prediction_horizon_s);
-        let how = (self.told.horizons, &self.told.held_out[..], self.step_s());
-        self.told.result.prediction = compared::compare(&self.setting, (&state, &fit.2), after, how, holds_s);
+        let (before, how) = ((&state, &fit.2), self.predictions());
+        self.told.result.prediction = compared::compare(&self.setting, before, after, how, holds_s);
     }
 
     /// Takes windows that are not followed even in the model's own records out of the power of what
