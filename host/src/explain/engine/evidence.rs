@@ -6,7 +6,7 @@ use nalgebra::{DMatrix, DVector};
 use super::candidates::{Candidate, Column};
 use super::design::Design;
 use super::power::{Power, Repeats};
-use super::prediction::Span;
+use super::prediction::Range;
 use super::relaxation::Relaxation;
 use super::setting::Setting;
 use super::sharpened::sharpen;
@@ -131,7 +131,7 @@ impl Outcome {
     }
 
     /// What the coefficients of the training windows, `fit.train`, were not fitted to.
-    pub fn held_out(&self, setting: &Setting<'_>) -> Vec<Span> {
+    pub fn held_out(&self, setting: &Setting<'_>) -> Vec<Range> {
         match &self.evidence {
             Evidence::Weak(design, _) => design.held_out(setting),
             Evidence::Shooting(blocks) => blocks.places.iter().step_by(FOLDS).copied().collect(),
@@ -170,7 +170,7 @@ impl Outcome {
     pub fn until(&self, stretch: usize, sample: usize) -> Option<DVector<f64>> {
         match &self.evidence {
             Evidence::Weak(..) => None,
-            Evidence::Shooting(blocks) => blocks.of_some(&self.own, |[s, _, end]| *s != stretch || *end <= sample),
+            Evidence::Shooting(blocks) => blocks.of_some(&self.own, |r| r.stretch != stretch || r.end <= sample),
         }
     }
 
@@ -181,7 +181,7 @@ impl Outcome {
                 let end = (share * design.windows.len() as f64) as usize;
                 ranking::fit_some(design, &self.own, weights, |k| k + 2 <= end)
             }
-            Evidence::Shooting(blocks) => blocks.of_some(&self.own, |[s, _, end]| (*s, *end) <= (stretch, sample)),
+            Evidence::Shooting(blocks) => blocks.of_some(&self.own, |r| (r.stretch, r.end) <= (stretch, sample)),
         }
     }
 

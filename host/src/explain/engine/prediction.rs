@@ -22,8 +22,16 @@ const EXACT_GAP: f64 = 1e-5;
 /// the noise of its rounding.
 const AT_REST: f64 = 7.0;
 
-/// A part of a stretch: its number, and the samples of it at which the part begins and ends.
-pub type Span = [usize; 3];
+/// A part of a stretch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Range {
+    /// Stretch.
+    pub stretch: usize,
+    /// Sample of it at which the part begins.
+    pub begin: usize,
+    /// Sample at which it ends.
+    pub end: usize,
+}
 
 /// Predictions of what was not fitted.
 #[derive(Clone, Copy, Debug)]
@@ -33,7 +41,7 @@ pub struct Predictions<'a> {
     /// Longest over which it is measured: a window, s.
     pub longest_s: f64,
     /// What the coefficients that they are made with were not fitted to.
-    pub held_out: &'a [Span],
+    pub held_out: &'a [Range],
     /// Step of integration, s; sought where none is given.
     pub step_s: Option<f64>,
 }
@@ -42,7 +50,7 @@ pub struct Predictions<'a> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Part<'a> {
     /// Inside what was not fitted.
-    HeldOut(&'a [Span]),
+    HeldOut(&'a [Range]),
     /// From a sample of a stretch on, and in every later stretch.
     From(usize, usize),
 }
@@ -52,14 +60,15 @@ impl Part<'_> {
     fn places(&self, track: &Track<'_>, length: usize) -> Vec<(usize, usize)> {
         let hop = (length / 4).max(16);
         // The last sample is the first of what follows.
-        let inside = |[stretch, begin, end]: Span| {
+        let inside = |Range { stretch, begin, end }: Range| {
             let last = (end + 1).min(track.samples(stretch)).checked_sub(length).filter(|last| *last >= begin);
             last.into_iter().flat_map(move |last| (begin..=last).step_by(hop).map(move |first| (stretch, first)))
         };
         match *self {
-            Self::HeldOut(spans) => spans.iter().copied().flat_map(inside).collect(),
+            Self::HeldOut(ranges) => ranges.iter().copied().flat_map(inside).collect(),
             Self::From(stretch, sample) => {
-                let from = |k: usize| [k, if k == stretch { sample } else { 0 }, track.samples(k)];
+                let begin = |k: usize| if k == stretch { sample } else { 0 };
+                let from = |k: usize| Range { stretch: k, begin: begin(k), end: track.samples(k) };
                 (stretch..track.stretches()).map(from).flat_map(inside).collect()
             }
         }
@@ -170,7 +179,7 @@ impl Model<'_> {
     /// measured over the noise, over the degrees of freedom that the fit of the initial state
     /// leaves. Windows in which the model has no solution are left out while they are few, and then
     /// count as their motion.
-    pub fn gap(&self, track: &Track<'_>, horizon_s: f64, held_out: &[Span]) -> f64 {
+    pub fn gap(&self, track: &Track<'_>, horizon_s: f64, held_out: &[Range]) -> f64 {
         let windows = windows(track, horizon_s, Part::HeldOut(held_out), MOST_WINDOWS);
         let values = (windows.length * track.sensors.len()) as f64;
         let states = 2.0 * self.motion.degrees_of_freedom() as f64;

@@ -4,7 +4,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::power::Repeats;
-use super::prediction::{Predictions, Span};
+use super::prediction::{Predictions, Range};
 use super::residual_map::{Map, Where};
 use super::setting::Setting;
 use super::state::State;
@@ -43,7 +43,7 @@ pub struct Told {
     /// Horizon of the gap, and the longest over which it is measured: a window, s.
     horizons: (f64, f64),
     /// What the coefficients that predictions are made with were not fitted to.
-    held_out: Vec<Span>,
+    held_out: Vec<Range>,
     /// The gap at longer horizons before anything was added.
     before: Vec<(f64, f64)>,
     /// The model before anything was added.
@@ -156,7 +156,8 @@ impl<'a> Run<'a> {
     pub fn as_given(&mut self) {
         let x = given::coefficients(&self.told.state);
         // It was not fitted to any of this record.
-        self.told.held_out = (0..self.setting.raw.len()).map(|k| [k, 0, self.setting.raw[k].len()]).collect();
+        let raw = self.setting.raw.iter().enumerate();
+        self.told.held_out = raw.map(|(stretch, s)| Range { stretch, begin: 0, end: s.len() }).collect();
         let value = self.gap_at(&x, self.told.horizons.0);
         self.told.result.gap.steps.push(Step { added: None, value });
         self.forecast(None, Some(&x));

@@ -11,7 +11,7 @@ use nalgebra::DVector;
 use serde::Serialize;
 
 use super::evidence::Outcome;
-use super::free_run::{self, Span};
+use super::free_run::{self, Split};
 use super::setting::Setting;
 use super::shooting::signs;
 use super::state::{Moving, State};
@@ -123,13 +123,13 @@ pub fn measure(setting: &Setting<'_>, state: &State, outcome: &Outcome, added: O
     let samples = state.stretches[stretch].len();
     let window = state.followed.as_ref().map_or(samples / 8, |f| f.samples());
     for simulation in all {
-        let span = Span { stretch, fitted: (simulation.fitted * samples as f64) as usize, end: samples };
-        let by_windows = outcome.until(stretch, span.fitted).and_then(|x| {
+        let split = Split { stretch, fitted: (simulation.fitted * samples as f64) as usize, end: samples };
+        let by_windows = outcome.until(stretch, split.fitted).and_then(|x| {
             let Moving { equations, parameters, hidden } = state.free_motion_of(setting, &x, record)?;
-            let run = |t: &Track<'_>| free_run::run(&equations, &parameters, t, span, window);
+            let run = |t: &Track<'_>| free_run::run(&equations, &parameters, t, split, window);
             state.on_free_track(setting, hidden, run).map(|error| (parameters, error))
         });
-        let simulate = |t: &Track<'_>| free_run::simulate(&equations, &parameters, &signs, t, span);
+        let simulate = |t: &Track<'_>| free_run::simulate(&equations, &parameters, &signs, t, split);
         let found = by_windows.or_else(|| state.on_free_track(setting, hidden.clone(), simulate));
         let value = found.as_ref().map_or(f64::NAN, |(_, error)| error * unit.factor);
         simulation.steps.push(Step { added: added.clone(), value });

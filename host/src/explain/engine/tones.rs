@@ -16,6 +16,7 @@ use core::f64::consts::TAU;
 
 use super::candidates::Candidate;
 use super::evidence::{Evidence, Outcome};
+use super::prediction::Range;
 use super::setting::{Lines, Setting};
 use super::shooting;
 use super::state::State;
@@ -72,7 +73,7 @@ pub fn candidates(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> (V
     let all = of(grid);
     let further: Vec<&Candidate> = all.iter().collect();
     let Some(blocks) = shooting::evidence(setting, state, &further, false, &[]) else { return none };
-    let time = |[stretch, from, to]: &[usize; 3]| state.stretches[*stretch].time((from + to) / 2);
+    let time = |r: &Range| state.stretches[r.stretch].time((r.begin + r.end) / 2);
     let times: Vec<f64> = blocks.places.iter().map(time).collect();
     let span_s = times.iter().fold(0.0_f64, |m, t| m.max((t - times[0]).abs())) + window_s;
     let left = blocks.misfits(&outcome.fit.all).iter().map(|w| w[0]).sum::<f64>() / times.len().max(1) as f64;

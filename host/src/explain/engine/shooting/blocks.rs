@@ -13,6 +13,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::gram::Gram;
+use crate::explain::engine::prediction::Range;
 use crate::explain::ranking::{FOLDS, Fit, solve, squares};
 use crate::identify::jackknife::widening;
 
@@ -41,8 +42,8 @@ pub struct Blocks {
     /// Columns of increments, which have settled: a fit to two thirds of the blocks, whose
     /// predictions are not made with them, leaves them at nothing.
     pub still: Vec<bool>,
-    /// Where each window lies: stretch, and the samples of it at which it begins and ends.
-    pub places: Vec<[usize; 3]>,
+    /// Where each window lies.
+    pub places: Vec<Range>,
 }
 
 /// The least-squares increments with the signs of coefficients kept (0: any), which are those of
@@ -181,9 +182,8 @@ impl Blocks {
         self.windows.iter().zip(&self.weights).map(of).collect()
     }
 
-    /// Coefficients from some windows (by stretch, first sample and the one behind the last),
-    /// increments left at nothing; none where they are few.
-    pub fn of_some(&self, columns: &[usize], keep: impl Fn(&[usize; 3]) -> bool) -> Option<DVector<f64>> {
+    /// Coefficients from some windows, increments left at nothing; none where they are few.
+    pub fn of_some(&self, columns: &[usize], keep: impl Fn(&Range) -> bool) -> Option<DVector<f64>> {
         let p = columns.len();
         let grams = self.grams(columns);
         let kept: Vec<&DMatrix<f64>> =

@@ -7,6 +7,7 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::super::candidates::{Candidate, Column};
+use super::super::prediction;
 use super::super::setting::Setting;
 use super::super::state::{Moving, State};
 use super::blocks::{Blocks, Part};
@@ -317,7 +318,7 @@ impl<'a> Course<'a> {
         let found: Vec<Option<Vec<Part>>> = all.par_iter().zip(linear).map(of).collect();
         let whole = |w: &Window| {
             let first = paths[w.stretch].first + w.first;
-            [w.stretch, first, first + w.count]
+            prediction::Range { stretch: w.stretch, begin: first, end: first + w.count }
         };
         let kept = found.into_iter().zip(all).filter_map(|(parts, w)| Some((parts?, whole(w))));
         let (windows, places) = kept.unzip();
