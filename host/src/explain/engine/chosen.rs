@@ -32,7 +32,7 @@ pub fn choose(
             shapes: c.form.len(),
             refines: c.entry.refines.as_ref().map(|r| format!("{r}@{}", c.place_name(setting))),
             taken: search.has(setting, state, c, &refused),
-            moved: c.is_sharpened,
+            moved: c.is_moved,
         })
         .collect();
     let feigned = |k: usize, with: &Fit| evidence.feigned(setting, state, &fit.all, &candidates[k], with);

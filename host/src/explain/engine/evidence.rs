@@ -9,11 +9,10 @@ use super::power::{Power, Repeats};
 use super::prediction::Range;
 use super::relaxation::Relaxation;
 use super::setting::Setting;
-use super::sharpened::sharpen;
 use super::shooting::blocks::Blocks;
 use super::shooting::{Followed, Ground};
 use super::state::State;
-use super::{design, memory, power, shooting};
+use super::{design, memory, moved_forms, power, shooting};
 use crate::error::{BadInput, Result};
 use crate::explain::decision;
 use crate::explain::ranking::{self, FOLDS, Fit, Weights};
@@ -297,7 +296,7 @@ fn by_shooting(
     let ground = Ground::new(setting, state).ok_or_else(singular)?;
     let mut blocks = ground.evidence(&further, false, &[]).ok_or_else(singular)?;
     let fit = blocks.fit(&own).ok_or_else(singular)?;
-    sharpen(&ground, setting, state, &mut candidates, &mut blocks);
+    moved_forms::add(&ground, setting, state, &mut candidates, &mut blocks);
     memory::keep(setting, state, &candidates);
     Ok(Outcome { candidates, evidence: Evidence::Shooting(blocks), own, fit })
 }

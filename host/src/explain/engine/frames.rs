@@ -54,7 +54,7 @@ pub fn scans(setting: &Setting<'_>, state: &State, among: &[Candidate]) -> Vec<S
     let found: Vec<String> = state.chosen.iter().map(|k| k.candidate.name(setting)).collect();
     let is_open = |c: &Candidate| {
         let name = c.name(setting);
-        gives_way(c) && !found.contains(&name) && !state.unmoved.contains(&name)
+        gives_way(c) && !found.contains(&name) && !state.moved_in_vain.contains(&name)
     };
     let mut out: Vec<Scan> = Vec::new();
     for c in among.iter().filter(|c| is_open(c)) {

@@ -20,6 +20,7 @@
 //! | `design` | columns over all windows of the weak form |
 //! | `shooting` | columns of trajectories |
 //! | `frames` | frequencies at which the frame gives way |
+//! | `moved_forms` | shape parameters between those of the grid |
 //! | `evidence` | one fit and one choice over either |
 //! | `simulation` | free runs beyond what was fitted |
 //! | `given` | a model to start from or to predict with |
@@ -50,6 +51,7 @@ mod frames;
 mod free_run;
 pub mod given;
 mod memory;
+mod moved_forms;
 mod offered;
 mod patched;
 mod pieces;
@@ -61,7 +63,6 @@ pub mod residual_map;
 mod run;
 mod search;
 mod setting;
-mod sharpened;
 mod shooting;
 pub mod simulation;
 mod state;
@@ -207,7 +208,7 @@ fn start(setting: &Setting<'_>, first: &Identification, physical: Physical) -> O
         chosen,
         stretches: setting.raw.clone(),
         relaxation: relaxation::Relaxation::default(),
-        unmoved: Vec::new(),
+        moved_in_vain: Vec::new(),
         followed: None,
     })
 }

@@ -102,12 +102,12 @@ impl Run<'_> {
                 || search.keeps(&self.told.state, outcome.as_ref().ok(), gap, &self.told.result);
             let outcome = match (kept, search.kept.take()) {
                 (false, Some(before)) => {
-                    let sharpened = self.told.state.chosen.last().is_some_and(|c| c.candidate.is_sharpened);
+                    let is_moved = self.told.state.chosen.last().is_some_and(|c| c.candidate.is_moved);
                     let exchanged = before.gone.is_some();
                     let refused = self.told.result.effects.last().cloned();
                     (self.told.result.effects, self.told.state) = (before.effects, before.state);
-                    if sharpened && !exchanged {
-                        self.told.state.unmoved.extend(refused.as_ref().map(Found::name));
+                    if is_moved && !exchanged {
+                        self.told.state.moved_in_vain.extend(refused.as_ref().map(Found::name));
                     } else {
                         search.refuse(refused.as_ref(), exchanged);
                     }
@@ -316,14 +316,14 @@ impl Search {
     pub(super) fn has(&self, setting: &Setting<'_>, state: &State, c: &Candidate, names: &[String]) -> bool {
         let name = c.name(setting);
         let is_chosen = state.chosen.iter().any(|k| k.candidate.name(setting) == name);
-        is_chosen || names.contains(&name) || c.is_sharpened && state.unmoved.contains(&name)
+        is_chosen || names.contains(&name) || c.is_moved && state.moved_in_vain.contains(&name)
     }
 
     /// Whether the last effect stays: a wrong model makes many look significant, each must also
     /// bring predictions nearer.
     fn keeps(&self, state: &State, after: Option<&Outcome>, gap: f64, result: &Explanation) -> bool {
         let (Some(before), Some(after)) = (&self.kept, after) else { return false };
-        let is_sharpened = before.gone.is_none() && state.chosen.last().is_some_and(|c| c.candidate.is_sharpened);
+        let is_moved = before.gone.is_none() && state.chosen.last().is_some_and(|c| c.candidate.is_moved);
         // What is left over longer windows is more; the model before could not be followed there.
         let length = |s: &State| s.followed.as_ref().map_or(0, Followed::samples);
         if before.promised > 0.0 && length(state) > length(&before.state) {
@@ -337,7 +337,7 @@ impl Search {
         match (before.outcome.left(), after.left()) {
             (Some(b), Some(a)) if before.promised < 0.0 => a <= (1.0 - before.promised) * b,
             // Of the noise's power 1 is left where nothing is missing.
-            (Some(b), Some(a)) if is_sharpened => a - 1.0 < LEFT_BY_MOVED * (b - 1.0).max(0.0),
+            (Some(b), Some(a)) if is_moved => a - 1.0 < LEFT_BY_MOVED * (b - 1.0).max(0.0),
             (Some(b), Some(a)) => a < (1.0 - LEAST_KEPT * before.promised) * b,
             _ => gap <= (1.0 - LEAST_PROGRESS) * previous || previous <= EXPLAINED_GAP,
         }

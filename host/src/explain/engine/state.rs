@@ -101,7 +101,7 @@ pub struct State {
     pub relaxation: Relaxation,
     /// Effects, `ID@PLACE`, whose forms are those of the grid: what they were moved to was something
     /// else.
-    pub unmoved: Vec<String>,
+    pub moved_in_vain: Vec<String>,
 }
 
 impl State {
