@@ -281,7 +281,7 @@ impl<'a> Run<'a> {
     /// The verdict, and everything that is told of the last model.
     ///
     /// # Errors
-    /// As [`Run::push`]; a model file that is no longer readable.
+    /// As [`Run::push`]; a model file that cannot be read.
     pub fn finish(
         mut self,
         outcome: &Outcome,

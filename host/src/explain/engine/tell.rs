@@ -314,7 +314,7 @@ fn damping(
 /// The model with its effects.
 ///
 /// # Errors
-/// A model file that is no longer readable.
+/// A model file that cannot be read.
 pub fn model(setting: &Setting<'_>, state: &State, result: &Explanation) -> Result<IdentifiedModel> {
     let mut found_with = BTreeMap::new();
     let none = result.effects.is_empty() && result.given.is_empty();
