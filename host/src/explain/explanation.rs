@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::engine::compared::Compared;
 use super::engine::residual_map;
 use super::engine::unknown::Unknown;
-pub use super::gap::{Forecast, Gap, InUnit, Step};
+pub use super::gap::{AtHorizon, Forecast, Gap, InUnit, Step};
 use super::reason::{Criterion, Reason};
 use crate::identify::Parameter;
 use crate::model::identified::{AddedEffect, IdentifiedModel};
@@ -238,7 +238,7 @@ impl Explanation {
                 "They are left out of the gap",
             ));
         }
-        self.gap.horizons.retain(|h| h.0.is_finite() && h.1.is_finite() && h.2.is_finite());
+        self.gap.horizons.retain(|h| h.numbers().iter().all(|x| x.is_finite()));
         self.gap.attractor.retain(|a| a.prediction_horizon_s.is_finite());
         self.gap.forecasts.iter_mut().for_each(|f| f.steps.retain(Step::is_finite));
         self.simulation.iter_mut().for_each(|s| s.steps.retain(Step::is_finite));

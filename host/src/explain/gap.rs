@@ -2,7 +2,7 @@
 
 use core::fmt::{self, Display, Formatter};
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use super::decidability::EXPLAINED_GAP;
 use super::engine::attractor::Attractor;
@@ -34,6 +34,30 @@ impl Step {
     }
 }
 
+/// The gap at a longer horizon, an array in JSON.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AtHorizon {
+    /// Horizon, s.
+    pub horizon_s: f64,
+    /// Before anything was added.
+    pub before: f64,
+    /// After.
+    pub after: f64,
+}
+
+impl Serialize for AtHorizon {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        self.numbers().serialize(to)
+    }
+}
+
+impl AtHorizon {
+    /// Horizon, gap before, gap after.
+    pub fn numbers(&self) -> [f64; 3] {
+        [self.horizon_s, self.before, self.after]
+    }
+}
+
 /// The gap before and after each step.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Gap {
@@ -53,7 +77,7 @@ pub struct Gap {
     /// The steps.
     pub steps: Vec<Step>,
     /// The same at longer horizons: horizon in s, gap before, gap after.
-    pub horizons: Vec<(f64, f64, f64)>,
+    pub horizons: Vec<AtHorizon>,
     /// Prediction horizon and Poincaré section before and, where effects were added, after.
     pub attractor: Vec<Attractor>,
     /// Predictions of the record's last 30 % by models fitted to the first 70 %.

@@ -14,7 +14,7 @@ use super::{
 };
 use crate::error::Result;
 use crate::explain::decidability::{EXPLAINED_GAP, Left};
-use crate::explain::explanation::{Details, Explanation, Found, Step, Verdict};
+use crate::explain::explanation::{AtHorizon, Details, Explanation, Found, Step, Verdict};
 use crate::explain::{Settings, Undecidable, decidability, decision, ranking};
 use crate::identify::Identification;
 use crate::identify::stretches::Stretch;
@@ -111,7 +111,7 @@ impl<'a> Run<'a> {
     fn gaps_of_itself(&self, x: &DVector<f64>) -> Vec<(f64, f64)> {
         let last = self.told.result.gap.steps.last().map(|s| (self.told.horizons.0, s.value));
         let all: Vec<(f64, f64)> =
-            last.into_iter().chain(self.told.result.gap.horizons.iter().map(|h| (h.0, h.2))).collect();
+            last.into_iter().chain(self.told.result.gap.horizons.iter().map(|h| (h.horizon_s, h.after))).collect();
         let Some(followed) = self.told.state.followed.as_ref().filter(|_| all.iter().any(|g| g.1 > EXPLAINED_GAP))
         else {
             return Vec::new();
@@ -292,7 +292,9 @@ impl<'a> Run<'a> {
         self.told.held_out = outcome.held_out(&self.setting);
         let none = self.told.result.effects.is_empty();
         let after = if none { self.told.before.clone() } else { self.longer(x) };
-        self.told.result.gap.horizons = self.told.before.iter().zip(&after).map(|(b, a)| (b.0, b.1, a.1)).collect();
+        let both = self.told.before.iter().zip(&after);
+        let of = |(b, a): (&(f64, f64), &(f64, f64))| AtHorizon { horizon_s: b.0, before: b.1, after: a.1 };
+        self.told.result.gap.horizons = both.map(of).collect();
         if !none {
             self.attractor(x);
             let after = self.places(outcome);

@@ -33,7 +33,7 @@ fn one(body: &mut Html, e: &Explanation) {
             .gap
             .horizons
             .iter()
-            .map(|(h, before, after)| [*h, *before, *after].iter().map(|x| Html::text(&significant(*x, 3))).collect())
+            .map(|h| h.numbers().iter().map(|x| Html::text(&significant(*x, 3))).collect())
             .collect();
         let head = |t: &str| (Html::text(t), Align::Right);
         body.table(&[head("horizon / s"), head("gap before"), head("gap after")], &rows);
