@@ -175,3 +175,22 @@ pub struct Forecast {
     /// The same steps as the gap's.
     pub steps: Vec<Step>,
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gap_at_a_longer_horizon_is_an_array() {
+        let gap = AtHorizon { horizon_s: 0.4, before: 5.5, after: f64::NAN };
+        assert_eq!(serde_json::to_string(&gap).unwrap(), "[0.4,5.5,null]");
+    }
+
+    #[test]
+    fn a_step_says_of_which_model_it_is() {
+        let told = |added: Option<&str>| Step { added: added.map(str::to_owned), value: 1.0 }.told("with");
+        assert_eq!(told(None), "the model as it was");
+        assert_eq!(told(Some("refit")), "refitted to this record");
+        assert_eq!(told(Some("quadratic-drag@arm2")), "with quadratic drag on arm 2");
+    }
+}
