@@ -69,7 +69,7 @@ pub fn explanation(row: &mut Row, result: &Explanation) {
         },
     );
     row.text("reason", result.reason.to_string());
-    let names: Vec<String> = result.effects.iter().map(|e| format!("{}@{}", e.id, e.at)).collect();
+    let names: Vec<String> = result.effects.iter().map(Found::name).collect();
     row.text("effects", names.join("+"));
     if let Some(by) = &result.decided_by {
         row.text("decided_by", by.what.to_string());

@@ -14,7 +14,7 @@ use crate::capture::estimates::unfit;
 use crate::capture::precision::Until;
 use crate::capture::{CaptureOutcome, CaptureSettings, run as capture};
 use crate::error::Result;
-use crate::explain::{Settings as ExplainSettings, Verdict, explain};
+use crate::explain::{Found, Settings as ExplainSettings, Verdict, explain};
 use crate::plan::presentation;
 use crate::plan::written::{PlanFile, Run};
 use crate::record::{ReadOptions, Record};
@@ -57,12 +57,10 @@ fn effects_shown(record: &Path, rig: &Rig, tell: &[String]) -> Result<(Vec<Strin
     }
     let records = [Record::read(record, rig, &ReadOptions::default())?];
     let found = progress::during("looking for what was asked", || explain(&records, rig, &ExplainSettings::default()))?;
-    let name = |e: &crate::explain::Found| format!("{}@{}", e.id, e.at);
-    let clear = |e: &crate::explain::Found| {
-        tell.contains(&name(e)) && !e.indistinguishable_from.iter().any(|other| tell.contains(other))
-    };
+    let clear =
+        |e: &Found| tell.contains(&e.name()) && !e.indistinguishable_from.iter().any(|other| tell.contains(other));
     let decided = found.verdict != Verdict::NotDecidable && found.effects.iter().any(clear);
-    Ok((found.effects.iter().map(name).collect(), decided))
+    Ok((found.effects.iter().map(Found::name).collect(), decided))
 }
 
 /// What ends a run before its time: one parameter, and nothing beside it, that the device itself

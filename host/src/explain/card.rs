@@ -28,7 +28,7 @@ pub fn card(e: &Explanation, rig: &Rig) -> Card {
         out.parameters = parameters(e, out.equations.as_ref());
         out.gap = gap(e);
         out.picture = e.prediction.clone();
-        let test = |f: &Found| format!("{}: {}.", capitalised(&names::effect(&name_of(f))), f.confirm);
+        let test = |f: &Found| format!("{}: {}.", capitalised(&names::effect(&f.name())), f.confirm);
         out.confirm = e.effects.iter().filter(|f| !f.confirm.is_empty()).map(test).collect();
     }
     out.undecided = undecided(e);
@@ -44,10 +44,6 @@ pub fn equations(model: &IdentifiedModel, rig: &Rig) -> Option<WrittenOut> {
         out.notes.push(format!("B and C are torques divided by the arm's moment of inertia{powers}."));
     }
     Some(out)
-}
-
-fn name_of(f: &Found) -> String {
-    format!("{}@{}", f.id, f.at)
 }
 
 fn capitalised(text: &str) -> String {
@@ -79,7 +75,7 @@ fn sentence(e: &Explanation) -> String {
         .map(|(k, f)| {
             // A share has no unit.
             let unit = if f.unit == "1" { "" } else { &f.unit };
-            let told = format!("{}, {} {unit}", names::effect(&name_of(f)), plus_minus(f.value, Z95 * f.std_error));
+            let told = format!("{}, {} {unit}", names::effect(&f.name()), plus_minus(f.value, Z95 * f.std_error));
             // Said once.
             format!("{}{}", told.trim_end(), if k == 0 { " (± is 95 %)" } else { "" })
         })
@@ -154,19 +150,14 @@ fn without_number(reason: &Reason) -> String {
 fn parameters(e: &Explanation, equations: Option<&WrittenOut>) -> Vec<CardRow> {
     let row = |p: &Parameter| {
         let before = e.parameters_before.iter().find(|b| b.name == p.name).map(|b| (b.value, b.std_error));
-        let found = e.effects.iter().find(|f| name_of(f) == p.name);
-        let effect = p.name.contains('@');
-        let multiplies = || equations.and_then(|w| w.multiplies.get(&p.name)).map(|m| format!("multiplies, {m}"));
-        let plain = match effect {
-            true => capitalised(&names::effect(&p.name)),
-            false => names::parameter(&p.name).map(str::to_owned).or_else(multiplies).unwrap_or_default(),
-        };
-        CardRow {
-            symbol: if effect { String::new() } else { p.name.clone() },
-            plain,
-            before,
-            after: found.map_or((p.value, p.std_error), |f| (f.value, f.std_error)),
-            unit: if p.unit == "1" { String::new() } else { p.unit.clone() },
+        let found = e.effects.iter().find(|f| f.name() == p.name);
+        let row = CardRow::of(p, equations);
+        let after = found.map_or(row.after, |f| (f.value, f.std_error));
+        match p.name.contains('@') {
+            true => {
+                CardRow { symbol: String::new(), plain: capitalised(&names::effect(&p.name)), before, after, ..row }
+            }
+            false => CardRow { before, after, ..row },
         }
     };
     e.parameters.iter().map(row).collect()
@@ -185,11 +176,6 @@ fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
     );
     let same = e.gap.forecasts.iter().find(|f| f.horizon_s == e.gap.horizon_s && f.steps.len() == e.gap.steps.len());
     let bar = |(i, (step, miss)): (usize, (&Step, &Miss))| {
-        let name = match step.added.as_deref() {
-            None => "the model as it was".to_owned(),
-            Some("refit") => "refitted to this record".to_owned(),
-            Some(added) => format!("with {}", names::effect(added)),
-        };
         let also =
             same.and_then(|f| f.steps.get(i).map(|s| (s.value, &f.unit))).map_or_else(String::new, |(v, unit)| {
                 format!(", {}{}", significant(v, 3), if unit == "deg" { "°".to_owned() } else { format!(" {unit}") })
@@ -200,7 +186,7 @@ fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
             // Of a miss that is told in the sensors' unit there is no second number.
             Miss::Own { .. } | Miss::Diverged => miss.to_string(),
         };
-        GapBar { name, value: step.value, label }
+        GapBar { name: step.told("with"), value: step.value, label }
     };
     (heading, e.gap.steps.iter().zip(&misses).enumerate().map(bar).collect())
 }
@@ -212,7 +198,7 @@ fn undecided(e: &Explanation) -> Vec<String> {
         let others: Vec<String> = f.indistinguishable_from.iter().map(|n| names::effect(n)).collect();
         out.push(format!(
             "This record does not tell {} from {}: the laboratory test of each does (`whirl list effects`).",
-            names::effect(&name_of(f)),
+            names::effect(&f.name()),
             names::listed(&others)
         ));
     }
@@ -235,7 +221,7 @@ fn undecided(e: &Explanation) -> Vec<String> {
             ));
         }
         for r in e.refused.iter().take(MOST_REFUSED) {
-            let name = names::effect(&if r.at.is_empty() { r.id.clone() } else { format!("{}@{}", r.id, r.at) });
+            let name = names::effect(&r.name());
             out.push(format!("Close, but not taken: {name} ({}).", r.why));
         }
         out.push("Describe a law of your own in a file and try it with --effects FILE.toml, or record slower and larger motions.".to_owned());

@@ -1,7 +1,7 @@
 //! Whether a record can decide at all, and the verdict.
 
 use super::engine::unknown::Unknown;
-use super::explanation::{DecidedBy, Explanation, Verdict};
+use super::explanation::{AtHorizon, DecidedBy, Explanation, Verdict};
 use super::reason::{Criterion, OwnRecords, Patch, Reason, Residual, Undecidable};
 use crate::inspect::InspectSettings;
 use crate::inspect::motion;
@@ -139,12 +139,13 @@ impl Left {
 pub(super) fn decide(result: &mut Explanation, undecidable: Option<Undecidable>, rest: Left) {
     let power = result.residual_power[1];
     let horizon_s = result.gap.horizon_s;
+    let over_limit = |h: &AtHorizon| h.after / rest.most_gap(h.horizon_s);
     let far = result
         .gap
         .horizons
         .iter()
-        .filter(|h| h.0 <= VERDICT_HORIZONS * horizon_s && h.2 > rest.most_gap(h.0))
-        .max_by(|a, b| (a.2 / rest.most_gap(a.0)).total_cmp(&(b.2 / rest.most_gap(b.0))))
+        .filter(|h| h.horizon_s <= VERDICT_HORIZONS * horizon_s && h.after > rest.most_gap(h.horizon_s))
+        .max_by(|a, b| over_limit(a).total_cmp(&over_limit(b)))
         .copied();
     let diverged = result.settle();
     let gap = result.gap.steps.last().map_or(f64::NAN, |s| s.value);
@@ -163,7 +164,7 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<Undecidable>,
         horizon_s,
         gap: result.gap.miss(gap),
         // Where longer predictions decided, their number is told.
-        longer: far.map(|h| (h.0, result.gap.miss(h.2))),
+        longer: far.map(|h| (h.horizon_s, result.gap.miss(h.after))),
         whole: whole.filter(|_| within),
     };
     (result.verdict, result.reason) = match (undecidable, left, result.effects.is_empty()) {
@@ -189,8 +190,8 @@ fn decided_by(result: &Explanation, gap: f64, (power, rest): (f64, &Left)) -> Op
         limit: rest.most_gap(horizon_s),
     };
     let horizon_s = result.gap.horizon_s;
-    let longer = result.gap.horizons.iter().filter(|h| h.0 <= VERDICT_HORIZONS * horizon_s);
-    let all = longer.map(|h| over(h.0, h.2));
+    let longer = result.gap.horizons.iter().filter(|h| h.horizon_s <= VERDICT_HORIZONS * horizon_s);
+    let all = longer.map(|h| over(h.horizon_s, h.after));
     let power = DecidedBy { what: Criterion::Power, value: power, limit: rest.most_power() };
     let all = all.chain([over(horizon_s, gap), power]);
     let all = all.chain(rest.whole.map(|(value, values)| DecidedBy {

@@ -194,6 +194,18 @@ impl<'a> Field<'a> {
         s.deviations > self.evidence.least_deviations() && self.is_something(s.gain)
     }
 
+    /// Whether a candidate is significant over all that were tried, and a gain, and neither feeds
+    /// the motion nor is one of those `feigned`, which the sensors alone give.
+    fn is_significant(&self, s: &Score, feigned: &[usize]) -> bool {
+        let is_rare = s.p * self.tests() < OF_A_FAMILY;
+        is_rare && self.stands(s) && !self.feeds(s) && !feigned.contains(&s.index)
+    }
+
+    /// How many forms were tried.
+    fn tests(&self) -> f64 {
+        self.scores.len().max(1) as f64
+    }
+
     /// The strongest, where its form was moved to what is left and promises most of it: its
     /// probability by chance is that of a form on its way, and says less than what it leaves when it
     /// was refitted, by which the search keeps it or does not.
@@ -220,7 +232,7 @@ impl<'a> Field<'a> {
     /// Why candidates that were close are not taken, those that take away most first; `feigned`:
     /// those that the sensors alone give.
     fn refusals(&self, order: &[&Score], feigned: &[usize]) -> Vec<Refused> {
-        let tests = self.scores.len().max(1) as f64;
+        let tests = self.tests();
         let near = order.iter().filter(|s| s.p < NEAR && s.gain > 0.0).take(MOST_REFUSED);
         near.filter_map(|s| {
             let why = if self.feeds(s) {
@@ -260,7 +272,6 @@ pub(super) fn choose(
     let offers = selection.offers;
     let field = Field::new(selection)?;
     let (total, blocks) = (field.total, field.blocks);
-    let tests = field.scores.len().max(1) as f64;
     let (best, likelihood) = field.best();
     let mut order: Vec<&Score> = best.values().copied().collect();
     order.sort_by(|a, b| {
@@ -282,8 +293,7 @@ pub(super) fn choose(
     };
     let mut feigned: Vec<usize> = Vec::new();
     let winner = loop {
-        let significant =
-            |s: &Score| s.p * tests < OF_A_FAMILY && field.stands(s) && !field.feeds(s) && !feigned.contains(&s.index);
+        let significant = |s: &Score| field.is_significant(s, &feigned);
         let Some(strongest) = order.iter().find(|s| significant(s)) else { break None };
         let within = order.iter().filter(|s| significant(s)).filter(|s| {
             let (mean, error) = ranking::gain(&s.fit.held_out, &strongest.fit.held_out);
@@ -318,11 +328,9 @@ pub(super) fn choose(
         let (first, p_value) = field.pair(&order, &*together(&indices)?)?;
         return Some(Choice { p_value, ..field.choice(first, &order, Vec::new()) });
     };
-    let significant =
-        |s: &Score| s.p * tests < OF_A_FAMILY && field.stands(s) && !field.feeds(s) && !feigned.contains(&s.index);
     let twins: Vec<String> = order
         .iter()
-        .filter(|s| field.name(s) != field.name(winner) && significant(s))
+        .filter(|s| field.name(s) != field.name(winner) && field.is_significant(s, &feigned))
         .filter(|s| {
             let (mean, error) = ranking::gain(&s.fit.held_out, &winner.fit.held_out);
             let worse = match (likelihood.get(&s.index), likelihood.get(&winner.index)) {

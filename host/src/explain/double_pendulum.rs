@@ -81,11 +81,13 @@ fn in_file(model: &IdentifiedModel, rig: &Rig, bound: &ObservedModel) -> Result<
 pub fn own(model: &IdentifiedModel, rig: &Rig) -> Result<(Rig, IdentifiedModel)> {
     checked(model).map_err(|e| e.at("--model").remedy("Give a model that was identified on this rig"))?;
     let own_rig = as_own::double_pendulum_of_bodies(rig, &model.nominal)?;
-    let Some(bound) = own_rig.bound.clone() else {
-        return Err(BadInput::new("no channel", "channels that measure both angles").in_file(&rig.path).at("channel"));
-    };
-    let model = in_file(model, rig, &bound)?;
+    let bound = own_rig.bound.as_ref().ok_or_else(|| no_channel(rig))?;
+    let model = in_file(model, rig, bound)?;
     Ok((own_rig, model))
+}
+
+fn no_channel(rig: &Rig) -> BadInput {
+    BadInput::new("no channel", "channels that measure both angles").in_file(&rig.path).at("channel")
 }
 
 /// Parameters of an explanation as the non-dimensional coefficients of (3.4), by their names, then
@@ -114,17 +116,17 @@ pub fn to_non_dimensional(parameters: &mut [Parameter], rig: &Rig) {
 /// As [`super::explain`].
 pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
     let nominal = match &settings.model {
-        Some(model) => {
-            checked(model).map_err(|e| e.at("--model").remedy("Give a model that was identified on this rig"))?;
-            model.nominal.clone()
-        }
+        Some(model) => model.nominal.clone(),
         None => Known::of(rig)?.nominal(),
     };
-    let own_rig = as_own::double_pendulum_of_bodies(rig, &nominal)?;
-    let Some(bound) = own_rig.bound.clone() else {
-        return Err(BadInput::new("no channel", "channels that measure both angles").in_file(&rig.path).at("channel"));
+    let (own_rig, model) = match &settings.model {
+        Some(model) => {
+            let (rig, model) = own(model, rig)?;
+            (rig, Some(model))
+        }
+        None => (as_own::double_pendulum_of_bodies(rig, &nominal)?, None),
     };
-    let model = settings.model.as_ref().map(|m| in_file(m, rig, &bound)).transpose()?;
+    let bound = own_rig.bound.clone().ok_or_else(|| no_channel(rig))?;
     let settings = Settings { model, ..settings.clone() };
     let mut out = engine::explain(records, &own_rig, &bound, &settings)?.unwrap_or_else(decidability::unplaced);
     to_non_dimensional(&mut out.parameters, rig);

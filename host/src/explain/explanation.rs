@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::engine::compared::Compared;
 use super::engine::residual_map;
 use super::engine::unknown::Unknown;
-pub use super::gap::{Forecast, Gap, InUnit, Step};
+pub use super::gap::{AtHorizon, Forecast, Gap, InUnit, Step};
 use super::reason::{Criterion, Reason};
 use crate::identify::Parameter;
 use crate::model::identified::{AddedEffect, IdentifiedModel};
@@ -60,6 +60,11 @@ pub struct Found {
 }
 
 impl Found {
+    /// `ID@PLACE`.
+    pub fn name(&self) -> String {
+        format!("{}@{}", self.id, self.at)
+    }
+
     /// As a model's file holds it.
     pub(super) fn added(&self) -> AddedEffect {
         AddedEffect {
@@ -143,6 +148,11 @@ impl Refused {
     pub(super) fn new(name: &str, why: String) -> Self {
         let (id, at) = name.split_once('@').unwrap_or((name, ""));
         Self { id: id.to_owned(), at: at.to_owned(), why }
+    }
+
+    /// `ID@PLACE`; the effect alone where it has no place.
+    pub fn name(&self) -> String {
+        if self.at.is_empty() { self.id.clone() } else { format!("{}@{}", self.id, self.at) }
     }
 }
 
@@ -228,7 +238,7 @@ impl Explanation {
                 "They are left out of the gap",
             ));
         }
-        self.gap.horizons.retain(|h| h.0.is_finite() && h.1.is_finite() && h.2.is_finite());
+        self.gap.horizons.retain(|h| h.numbers().iter().all(|x| x.is_finite()));
         self.gap.attractor.retain(|a| a.prediction_horizon_s.is_finite());
         self.gap.forecasts.iter_mut().for_each(|f| f.steps.retain(Step::is_finite));
         self.simulation.iter_mut().for_each(|s| s.steps.retain(Step::is_finite));

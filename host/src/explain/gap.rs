@@ -2,11 +2,12 @@
 
 use core::fmt::{self, Display, Formatter};
 
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use super::decidability::EXPLAINED_GAP;
 use super::engine::attractor::Attractor;
 use crate::report::format::{quantity, significant};
+use crate::report::names;
 
 /// One step of the gap.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -18,9 +19,42 @@ pub struct Step {
 }
 
 impl Step {
+    /// The model that it is of, an effect that was added behind a word.
+    pub fn told(&self, word: &str) -> String {
+        match self.added.as_deref() {
+            None => "the model as it was".to_owned(),
+            Some("refit") => "refitted to this record".to_owned(),
+            Some(added) => format!("{word} {}", names::effect(added)),
+        }
+    }
+
     /// Whether its value is a number.
     pub(super) fn is_finite(&self) -> bool {
         self.value.is_finite()
+    }
+}
+
+/// The gap at a longer horizon, an array in JSON.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AtHorizon {
+    /// Horizon, s.
+    pub horizon_s: f64,
+    /// Before anything was added.
+    pub before: f64,
+    /// After.
+    pub after: f64,
+}
+
+impl Serialize for AtHorizon {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        self.numbers().serialize(to)
+    }
+}
+
+impl AtHorizon {
+    /// Horizon, gap before, gap after.
+    pub fn numbers(&self) -> [f64; 3] {
+        [self.horizon_s, self.before, self.after]
     }
 }
 
@@ -43,7 +77,7 @@ pub struct Gap {
     /// The steps.
     pub steps: Vec<Step>,
     /// The same at longer horizons: horizon in s, gap before, gap after.
-    pub horizons: Vec<(f64, f64, f64)>,
+    pub horizons: Vec<AtHorizon>,
     /// Prediction horizon and Poincaré section before and, where effects were added, after.
     pub attractor: Vec<Attractor>,
     /// Predictions of the record's last 30 % by models fitted to the first 70 %.
@@ -140,4 +174,23 @@ pub struct Forecast {
     pub unit: String,
     /// The same steps as the gap's.
     pub steps: Vec<Step>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_gap_at_a_longer_horizon_is_an_array() {
+        let gap = AtHorizon { horizon_s: 0.4, before: 5.5, after: f64::NAN };
+        assert_eq!(serde_json::to_string(&gap).unwrap(), "[0.4,5.5,null]");
+    }
+
+    #[test]
+    fn a_step_says_of_which_model_it_is() {
+        let told = |added: Option<&str>| Step { added: added.map(str::to_owned), value: 1.0 }.told("with");
+        assert_eq!(told(None), "the model as it was");
+        assert_eq!(told(Some("refit")), "refitted to this record");
+        assert_eq!(told(Some("quadratic-drag@arm2")), "with quadratic drag on arm 2");
+    }
 }

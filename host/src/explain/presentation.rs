@@ -4,10 +4,9 @@ use std::fmt::Write;
 
 use super::engine::attractor::{Attractor, TOLERANCE_DEG};
 use super::engine::residual_map::Where;
-use super::{Explanation, Verdict};
+use super::{Explanation, Step, Verdict};
 use crate::report::card::Card;
 use crate::report::format::{percent, rounded, shortest, significant};
-use crate::report::names;
 use crate::report::symbols::symbol_plain;
 
 /// The answer for people: its card first, then what it rests on.
@@ -19,9 +18,8 @@ pub fn human(e: &Explanation, card: &Card) -> String {
             f.parameters.iter().map(|(k, v)| format!(", {} = {}", symbol_plain(k), significant(*v, 3))).collect();
         let _ = writeln!(
             out,
-            "  {}@{} adds {}{}; alone it explains {} of what was left where it was not fitted",
-            f.id,
-            f.at,
+            "  {} adds {}{}; alone it explains {} of what was left where it was not fitted",
+            f.name(),
             f.equation,
             parameters.concat(),
             percent(f.held_out_gain, 2)
@@ -53,14 +51,7 @@ pub fn human(e: &Explanation, card: &Card) -> String {
             shortest(rounded(f.horizon_s, 3)),
             if f.unit == "deg" { "degrees" } else { &f.unit }
         );
-        for s in &f.steps {
-            let _ = writeln!(
-                out,
-                "  {:<34} {}",
-                s.added.as_deref().map_or_else(|| "the model as it was".to_owned(), with),
-                significant(s.value, 3)
-            );
-        }
+        lines(&mut out, &f.steps);
     }
     for f in &e.simulation {
         let _ = writeln!(
@@ -69,14 +60,7 @@ pub fn human(e: &Explanation, card: &Card) -> String {
             significant(100.0 * f.fitted, 2),
             f.unit
         );
-        for s in &f.steps {
-            let _ = writeln!(
-                out,
-                "  {:<34} {}",
-                s.added.as_deref().map_or_else(|| "the model as it was".to_owned(), with),
-                significant(s.value, 3)
-            );
-        }
+        lines(&mut out, &f.steps);
     }
     if let Some(u) = &e.unknown {
         let clear = u.points.iter().filter(|p| p[1].abs() > p[2]).count();
@@ -108,9 +92,11 @@ pub fn human(e: &Explanation, card: &Card) -> String {
     out
 }
 
-/// A step in words.
-fn with(added: &str) -> String {
-    if added == "refit" { "refitted to this record".to_owned() } else { format!("with {}", names::effect(added)) }
+/// Steps, a line each.
+fn lines(out: &mut String, steps: &[Step]) {
+    for s in steps {
+        let _ = writeln!(out, "  {:<34} {}", s.told("with"), significant(s.value, 3));
+    }
 }
 
 /// The clearest places, a line each.

@@ -99,7 +99,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         // nothing tells the last two.
         let alike = ["imbalance@arm1", "zero-offset@encoder1", "frame-tilt@frame"];
         let alike = if rig.drive.is_some() { &alike[..2] } else { &alike[..] };
-        let name = format!("{}@{}", found.id, found.at);
+        let name = found.name();
         if alike.contains(&name.as_str()) {
             for same in alike.iter().filter(|n| **n != name) {
                 if !found.indistinguishable_from.iter().any(|x| x == same) {

@@ -1,9 +1,9 @@
 //! The card of an identification: see [`crate::report::card`].
 
+use super::Identification;
 use super::identifiability::{CORRELATION, RELATIVE_ERROR, size};
 use super::model_file::identified_model;
 use super::presentation::method_name;
-use super::{Identification, Parameter};
 use crate::explain::card::equations;
 use crate::report::card::{Card, CardRow};
 use crate::report::format::{Z95, count, significant};
@@ -14,18 +14,7 @@ use crate::rig::Rig;
 /// The card of an identification of a rig.
 pub fn card(result: &Identification, rig: &Rig) -> Card {
     let equations = identified_model(result, rig).ok().and_then(|m| equations(&m, rig));
-    let row = |p: &Parameter| {
-        let multiplies =
-            || equations.as_ref().and_then(|w| w.multiplies.get(&p.name)).map(|m| format!("multiplies, {m}"));
-        CardRow {
-            symbol: p.name.clone(),
-            plain: names::parameter(&p.name).map(str::to_owned).or_else(multiplies).unwrap_or_default(),
-            before: None,
-            after: (p.value, p.std_error),
-            unit: if p.unit == "1" { String::new() } else { p.unit.clone() },
-        }
-    };
-    let parameters = result.parameters.iter().map(row).collect();
+    let parameters = result.parameters.iter().map(|p| CardRow::of(p, equations.as_ref())).collect();
     let (together, open): (Vec<_>, Vec<_>) = result.groups_not_separable.iter().partition(|g| is_known(result, g));
     Card {
         verdict: sentence(result),
@@ -122,6 +111,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::identify::Parameter;
     use crate::warning::Warning;
 
     fn rig() -> Rig {

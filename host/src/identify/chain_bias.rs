@@ -25,7 +25,7 @@ use rayon::prelude::*;
 
 use super::noise_bias::{Bias, REPEATS, from_rows, places};
 use super::regression::{RunSums, Solution};
-use super::remeasured::{Sensors, measure};
+use super::remeasured::{Sensors, repeat};
 use super::series::System;
 use super::stretches::Stretch;
 use super::ties;
@@ -93,13 +93,7 @@ pub fn estimate(
         rows_planned(&System { stretches, ..*system }, &system.weak.equations, &plan)
     };
     let plain = rows(&motions);
-    let measured = (0..REPEATS)
-        .map(|r| {
-            let seen: Vec<Stretch> =
-                motions.par_iter().enumerate().map(|(i, s)| measure(s, r, bound, sensors, i as u64)).collect();
-            rows(&seen)
-        })
-        .collect();
+    let measured = (0..REPEATS).map(|r| rows(&repeat(&motions, r, bound, sensors))).collect();
     from_solutions(motions.len(), plain, measured, &terms, &solution.weights, &DVector::from_vec(columns))
 }
 

@@ -19,8 +19,17 @@ pub struct Laws(RwLock<Vec<(Arc<Memory>, usize)>>);
 impl Laws {
     /// The number of a state, a new one for one that is not known yet.
     pub fn number(&self, memory: &Arc<Memory>, state: usize) -> usize {
+        let is_it = |(m, k): &(Arc<Memory>, usize)| *k == state && (Arc::ptr_eq(m, memory) || m == memory);
+        let seen = {
+            let all = self.0.read().unwrap_or_else(std::sync::PoisonError::into_inner);
+            if let Some(known) = all.iter().position(is_it) {
+                return known;
+            }
+            all.len()
+        };
         let mut all = self.0.write().unwrap_or_else(std::sync::PoisonError::into_inner);
-        all.iter().position(|(m, k)| m == memory && *k == state).unwrap_or_else(|| {
+        // Between the two locks another thread may have numbered it.
+        all[seen..].iter().position(is_it).map(|k| seen + k).unwrap_or_else(|| {
             all.push((memory.clone(), state));
             all.len() - 1
         })
@@ -36,6 +45,23 @@ impl Laws {
 /// numbers.
 type Values = Arc<OnceLock<Option<Vec<f64>>>>;
 
+/// What is known of a state, once it was asked for.
+#[derive(Clone, Debug, Default)]
+struct Series {
+    values: Values,
+    /// None where a state of its law leaves the finite numbers.
+    settling: Arc<OnceLock<Option<Settling>>>,
+}
+
+/// How the states of a law settle along the motion.
+#[derive(Clone, Copy, Debug)]
+struct Settling {
+    /// Greatest |∂r_j/∂z_j| times the samples' spacing; no number where one is none.
+    fastest: f64,
+    /// See [`History::forgets`].
+    forgets: usize,
+}
+
 /// The smoothed motion of a stretch with the states that were followed along it.
 #[derive(Debug)]
 pub struct History {
@@ -45,7 +71,7 @@ pub struct History {
     rates: Vec<Vec<f64>>,
     circle: Vec<bool>,
     laws: Arc<Laws>,
-    series: RwLock<Vec<Values>>,
+    series: RwLock<Vec<Series>>,
 }
 
 /// A signal with its mirror images through its end points, `reach` samples on either side: what a
@@ -108,19 +134,22 @@ impl History {
             }
         }
         let known = self.series.read().unwrap_or_else(std::sync::PoisonError::into_inner);
-        let kept =
-            known.iter().enumerate().map(|(k, v)| if numbers.contains(&k) { Values::default() } else { v.clone() });
+        // How a state settles depends on the motion, whether its values are kept or not.
+        let kept = known.iter().enumerate().map(|(k, s)| {
+            let values = if numbers.contains(&k) { Values::default() } else { s.values.clone() };
+            Series { values, ..Series::default() }
+        });
         let series = RwLock::new(kept.collect());
         Self { coordinates, rates, circle: self.circle.clone(), laws: self.laws.clone(), series, ..*self }
     }
 
-    fn values(&self, number: usize) -> Values {
+    fn series(&self, number: usize) -> Series {
         if let Some(known) = self.series.read().unwrap_or_else(std::sync::PoisonError::into_inner).get(number) {
             return known.clone();
         }
         let mut all = self.series.write().unwrap_or_else(std::sync::PoisonError::into_inner);
         while all.len() <= number {
-            all.push(Arc::default());
+            all.push(Series::default());
         }
         all[number].clone()
     }
@@ -130,19 +159,24 @@ impl History {
     pub fn keep(&self, used: &BTreeSet<usize>) {
         let mut all = self.series.write().unwrap_or_else(std::sync::PoisonError::into_inner);
         let gone = all.iter_mut().enumerate().filter(|(k, _)| !used.contains(k));
-        gone.for_each(|(_, values)| *values = Values::default());
+        gone.for_each(|(_, series)| *series = Series::default());
     }
 
-    fn followed<T>(&self, number: usize, then: impl FnOnce(&[f64]) -> T) -> Option<T> {
-        let values = self.values(number);
-        let all = values.get_or_init(|| {
+    /// A state's values, followed where they were not yet.
+    fn values(&self, number: usize) -> Values {
+        let values = self.series(number).values;
+        let _ = values.get_or_init(|| {
             let (memory, state) = self.laws.law(number)?;
             let (coordinates, rates) = (&self.coordinates, &self.rates);
             let course = Course { coordinates, rates, step_s: self.step_s, circle: &self.circle };
             let mut all = memory.follow(&course)?;
             (state < all.len()).then(|| all.swap_remove(state))
         });
-        all.as_deref().map(then)
+        values
+    }
+
+    fn followed<T>(&self, number: usize, then: impl FnOnce(&[f64]) -> T) -> Option<T> {
+        self.values(number).get()?.as_deref().map(then)
     }
 
     /// Whether a state stays within the finite numbers.
@@ -150,12 +184,33 @@ impl History {
         self.followed(number, |_| ()).is_some()
     }
 
+    /// How the states of the law that a number belongs to settle; none where one leaves the finite
+    /// numbers.
+    fn settling(&self, number: usize) -> Option<Settling> {
+        *self.series(number).settling.get_or_init(|| {
+            let slopes = self.slopes(number)?;
+            let fastest = slopes
+                .iter()
+                .flatten()
+                .fold(0.0, |most: f64, x| if x.is_nan() || most.is_nan() { f64::NAN } else { most.max(x.abs()) });
+            // What swings counts as known: how it rang in the beginning is a strength of its effect.
+            let [settling] = &slopes[..] else { return Some(Settling { fastest, forgets: 0 }) };
+            let mut sum = 0.0;
+            let forgotten = |x: &f64| {
+                sum += x;
+                sum < FORGOTTEN.ln()
+            };
+            let forgets = settling.iter().position(forgotten).unwrap_or(settling.len());
+            Some(Settling { fastest, forgets })
+        })
+    }
+
     /// ∂r_j/∂z_j times the samples' spacing along the motion, for every state j of the law that a
     /// number belongs to; none where it leaves the finite numbers.
-    fn settling(&self, number: usize) -> Option<Vec<Vec<f64>>> {
+    fn slopes(&self, number: usize) -> Option<Vec<Vec<f64>>> {
         let (memory, _) = self.laws.law(number)?;
-        let numbers = (0..memory.len()).map(|j| self.laws.number(&memory, j));
-        let values: Vec<Vec<f64>> = numbers.map(|k| self.followed(k, <[f64]>::to_vec)).collect::<Option<_>>()?;
+        let values: Vec<Values> = (0..memory.len()).map(|j| self.values(self.laws.number(&memory, j))).collect();
+        let values: Vec<&[f64]> = values.iter().map(|v| v.get()?.as_deref()).collect::<Option<_>>()?;
         let count = self.coordinates.first().map_or(0, Vec::len);
         let of = |(j, rate): (usize, &Node)| {
             let slope = rate.derivative_between_jumps(Symbol::State(j))?;
@@ -180,22 +235,14 @@ impl History {
         let jumps = |(memory, _): (Arc<Memory>, usize)| {
             memory.rates().iter().any(|r| r.jumps_with(&|s| matches!(s, Symbol::State(_))))
         };
-        let slow = |all: Vec<Vec<f64>>| all.iter().flatten().all(|x| x.abs() <= most);
-        !self.laws.law(number).is_some_and(jumps) && self.settling(number).is_some_and(slow)
+        !self.laws.law(number).is_some_and(jumps) && self.settling(number).is_some_and(|s| s.fastest <= most)
     }
 
     /// The sample from which a state hardly depends on what it was when the stretch began, which is
     /// not known: exp ∫∂r/∂z dt < 10⁻³. The stretch's length where it never is; 0 for
     /// states that swing, how they rang in the beginning being strengths of their effect.
     pub fn forgets(&self, number: usize) -> usize {
-        let Some(all) = self.settling(number) else { return 0 };
-        let [settling] = &all[..] else { return 0 };
-        let mut sum = 0.0;
-        let forgotten = |x: &f64| {
-            sum += x;
-            sum < FORGOTTEN.ln()
-        };
-        settling.iter().position(forgotten).unwrap_or(settling.len())
+        self.settling(number).map_or(0, |s| s.forgets)
     }
 
     /// A state at `count` samples from a time on; beyond the stretch as at its ends, NaN where it
@@ -246,11 +293,40 @@ mod tests {
         assert_eq!(history.forgets(number_of(vec![multiply(number(0.1), dahl)])), 200);
         assert_eq!(history.forgets(number_of(swings)), 0);
         // What is let go is followed again when it is asked for.
-        let values = |k: usize| history.series.read().unwrap()[k].get().is_some();
+        let values = |k: usize| history.series.read().unwrap()[k].values.get().is_some();
+        let settling = |k: usize| history.series.read().unwrap()[k].settling.get().is_some();
         history.keep(&BTreeSet::from([slow]));
-        assert!(values(slow));
+        assert!(values(slow) && settling(slow));
         history.keep(&BTreeSet::from([jumps]));
-        assert!(!values(slow) && history.is_finite(slow) && values(slow));
+        assert!(!values(slow) && !settling(slow) && history.is_finite(slow) && values(slow));
+        // Along another motion it settles otherwise, though its values are kept: 0.2 a sample.
+        assert!(history.is_slow(slow, 0.11) && settling(slow));
+        let faster: Vec<f64> = (0..200).flat_map(|i| [0.1 * f64::from(i), 20.0]).collect();
+        let moved = history.moved([(0, &faster[..])].into_iter(), &[]);
+        assert!(moved.series.read().unwrap()[slow].values.get().is_some());
+        assert!(moved.is_slow(slow, 0.21) && !moved.is_slow(slow, 0.19));
+    }
+
+    /// Whether it comes as one law or as another of the same rates, and from whichever thread.
+    #[test]
+    fn a_law_is_numbered_once() {
+        use rayon::prelude::*;
+        let law = |k: usize| Arc::new(Memory::new(vec![symbol(Symbol::Rate(0)), number((k % 7) as f64)]));
+        let laws = Laws::default();
+        let found: Vec<[usize; 2]> = (0..700)
+            .into_par_iter()
+            .map(|k| {
+                let of = law(k);
+                assert_eq!(laws.number(&of, 0), laws.number(&law(k), 0));
+                [0, 1].map(|state| laws.number(&of, state))
+            })
+            .collect();
+        assert_eq!(BTreeSet::from_iter(found.iter().flatten()), BTreeSet::from_iter(&(0..14).collect::<Vec<_>>()));
+        for (k, numbers) in found.iter().enumerate() {
+            assert_eq!(*numbers, found[k % 7]);
+            let (of, state) = laws.law(numbers[1]).unwrap();
+            assert!(of == law(k) && state == 1 && laws.law(14).is_none());
+        }
     }
 
     /// 11 Hz at 2 ms: (ωh)²/12 of the size would be lost on lines, 1.6 thousandths on the average.

@@ -5,6 +5,7 @@ use nalgebra::DVector;
 use pulp::{Arch, NullaryFnOnce};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use rayon::prelude::*;
 
 use super::input_noise::{self, Level};
 use super::noise_bias::{Bias, REPEATS, STRETCH, from_rows, places};
@@ -68,13 +69,7 @@ impl Remeasured {
             rows
         };
         let plain = rows(&truth);
-        let repeats = (0..REPEATS)
-            .map(|r| {
-                let measured: Vec<Stretch> =
-                    truth.iter().enumerate().map(|(i, s)| measure(s, r, bound, sensors, i as u64)).collect();
-                rows(&measured)
-            })
-            .collect();
+        let repeats = (0..REPEATS).map(|r| rows(&repeat(&truth, r, bound, sensors))).collect();
         Self { stretches: truth.len(), plain, repeats }
     }
 
@@ -173,6 +168,13 @@ impl NullaryFnOnce for Counts<'_> {
         let Self { angles, count, shift } = self;
         angles.iter_mut().for_each(|x| *x = (((*x + shift) / count).floor() + 0.5) * count - shift);
     }
+}
+
+/// Known motions as their sensors and the channels of their inputs would measure them in the repeat
+/// of a number.
+pub fn repeat(truth: &[Stretch], number: usize, bound: &ObservedModel, sensors: &Sensors) -> Vec<Stretch> {
+    // Each has a stream of random numbers of its own.
+    truth.par_iter().enumerate().map(|(i, s)| measure(s, number, bound, sensors, i as u64)).collect()
 }
 
 /// The stretch as its sensors and the channels of its inputs would measure it in a repeat; the noise

@@ -13,7 +13,7 @@ use super::shooting::problem::{Piece, Problem};
 use super::shooting::run::integration_step;
 use super::shooting::track::{Geometry, MeasuredStretch, cut};
 use super::shooting::zeros::{Moment, Zeros};
-use super::stretches::Stretch;
+use super::stretches::{Stretch, mixed};
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::Inputs;
 use crate::model::integrate::Outside;
@@ -88,16 +88,6 @@ pub struct Pieces {
     pub pieces: Vec<Piece>,
     /// First guess of each one's state.
     pub guesses: Vec<Vec<f64>>,
-}
-
-/// A piece, the guess of its state, and whether that is what was known.
-pub struct KnownPiece {
-    /// Piece.
-    pub piece: Piece,
-    /// Guess of its state.
-    pub guess: Vec<f64>,
-    /// Whether the guess is what was known.
-    pub is_known: bool,
 }
 
 /// All stretches on one axis of time.
@@ -231,7 +221,7 @@ impl<'a> Track<'a> {
             for (piece, guess) in pieces.iter().zip(&mut guesses) {
                 let since_s = piece.start_s - self.begins[k];
                 // Not negative; rounded.
-                let _known = self.improve(k, (since_s / self.spacing_s).round() as usize, guess);
+                self.improve(k, (since_s / self.spacing_s).round() as usize, guess);
             }
             out.pieces.extend(pieces.into_iter().map(|p| Piece { stretch: k, ..p }));
             out.guesses.extend(guesses);
@@ -258,32 +248,36 @@ impl<'a> Track<'a> {
 
     /// One piece of a stretch, with the guess of its state.
     pub fn piece(&self, stretch: usize, first: usize, count: usize) -> Option<(Piece, Vec<f64>)> {
-        self.known_piece(stretch, first, count).map(|k| (k.piece, k.guess))
-    }
-
-    /// The same, and whether the guess is what was known.
-    pub fn known_piece(&self, stretch: usize, first: usize, count: usize) -> Option<KnownPiece> {
         let angles = self.bound.model.circle();
         let guess = (count / 16).clamp(3, 8);
         let shown = self.shown();
         let geometry = Geometry { sensors: &shown, angles: &angles, spacing_s: self.spacing_s, guess };
         let s = self.stretches.get(stretch)?;
-        let sensors = s.part(first, first + count).sensors(self.bound);
+        let part: Vec<Vec<f64>> = s.coordinates.iter().map(|x| x[first..first + count].to_vec()).collect();
         let start_s = self.begins[stretch] + first as f64 * self.spacing_s;
+        let sensors = mixed(&self.bound.shown, &part);
         let measured = MeasuredStretch { start_s, sensors, tau: Box::new(move |i| s.tau(first + i)) };
         let (mut pieces, mut guesses) = cut(&[measured], &geometry, count, count)?;
         let mut guess = guesses.pop()?;
-        let is_known = self.improve(stretch, first, &mut guess);
-        Some(KnownPiece { piece: Piece { stretch, ..pieces.pop()? }, guess, is_known })
+        self.improve(stretch, first, &mut guess);
+        Some((Piece { stretch, ..pieces.pop()? }, guess))
+    }
+
+    /// Whether the state at a sample of a stretch is known better than from the sensors' slopes.
+    pub fn is_known(&self, stretch: usize, first: usize) -> bool {
+        self.known_state(stretch, first).is_some()
+    }
+
+    fn known_state(&self, stretch: usize, first: usize) -> Option<Vec<f64>> {
+        let known = self.known?;
+        known(stretch, first).filter(|k| k.len() == 2 * self.bound.model.coordinates.len())
     }
 
     /// Puts what is known into a guess at a sample of a stretch, if it is, and the states that are
     /// followed with the motion: each is the rate of a coordinate that nothing shows.
-    fn improve(&self, stretch: usize, first: usize, guess: &mut Vec<f64>) -> bool {
-        let Some(s) = self.stretches.get(stretch) else { return false };
-        let known = self.known.and_then(|known| known(stretch, first)).filter(|k| k.len() == guess.len());
-        let is_known = known.is_some();
-        if let Some(known) = known {
+    fn improve(&self, stretch: usize, first: usize, guess: &mut Vec<f64>) {
+        let Some(s) = self.stretches.get(stretch) else { return };
+        if let Some(known) = self.known_state(stretch, first) {
             let circle = self.bound.model.circle();
             for (k, (to, x)) in guess.iter_mut().zip(known).enumerate() {
                 // Pieces begin in the first turn.
@@ -294,7 +288,6 @@ impl<'a> Track<'a> {
         let n = guess.len() / 2;
         guess.splice(n..n, self.hidden.iter().map(|_| 0.0));
         guess.extend(self.hidden.iter().map(|k| s.remembered(*k, first, 1)[0]));
-        is_known
     }
 
     /// Stretches.

@@ -60,6 +60,13 @@ pub struct AddedEffect {
     pub parameters: BTreeMap<String, f64>,
 }
 
+impl AddedEffect {
+    /// `ID@PLACE`.
+    pub fn name(&self) -> String {
+        format!("{}@{}", self.id, self.at)
+    }
+}
+
 /// A model with its identified parameters.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct IdentifiedModel {

@@ -73,7 +73,7 @@ pub fn of(given: &IdentifiedModel, model: &ModelFile) -> Result<Vec<Terms>> {
     list.map(|(k, e)| {
         terms(model, e).ok_or_else(|| {
             BadInput::new(
-                format!("{}@{} with {} strengths", e.id, e.at, e.strengths.len()),
+                format!("{} with {} strengths", e.name(), e.strengths.len()),
                 "an effect of `whirl list effects` at a coordinate of the model",
             )
             .at(format!("--model, effect {}", k + 1))

@@ -20,8 +20,8 @@ pub type Changed<'a> = dyn Fn(&[Change]) -> Vec<Vec<(usize, Node)>> + 'a;
 
 /// An error about effect `index` (from 0) of the model's file.
 pub fn bad(index: usize, e: &AddedEffect, found: &str, expected: &str, remedy: &str) -> BadInput {
-    let found =
-        if found.is_empty() { format!("\"{}@{}\"", e.id, e.at) } else { format!("\"{}@{}\", {found}", e.id, e.at) };
+    let name = e.name();
+    let found = if found.is_empty() { format!("\"{name}\"") } else { format!("\"{name}\", {found}") };
     BadInput::new(found, expected).at(format!("effect {}", index + 1)).remedy(remedy)
 }
 

@@ -81,7 +81,7 @@ pub struct Effect {
 impl Effect {
     /// `ID@PLACE`.
     pub fn name(&self) -> String {
-        format!("{}@{}", self.identified.id, self.identified.at)
+        self.identified.name()
     }
 
     /// Whether it changes what is recorded alone, not the motion.
@@ -130,7 +130,8 @@ impl Motion {
             Some(rig) => rig.clone(),
             None => stand_in::rig(model, path)?,
         };
-        check_drive(model, &rig)?;
+        check_drive(model, &rig)
+            .map_err(|e| e.at("drive_frequency_hz").remedy("Give the rig file on which the model was identified"))?;
         let (rig, own, effects) = match &model.system {
             System::BuiltIn(_) if model.system.pendulum() == Some(Pendulum::Double) => {
                 built_in::double_pendulum(model, &rig, start_s)?
@@ -243,15 +244,16 @@ impl Motion {
 }
 
 /// Refuses a rig with another drive.
-fn check_drive(model: &IdentifiedModel, rig: &Rig) -> Result<()> {
+///
+/// # Errors
+/// Names both drives.
+pub fn check_drive(model: &IdentifiedModel, rig: &Rig) -> Result<()> {
     let frequency = rig.drive.map(|d| d.frequency_hz);
     if model.drive_frequency_hz == frequency {
         return Ok(());
     }
     let text = |f: Option<f64>| f.map_or("no drive".to_owned(), |f| format!("a drive of {f} Hz"));
-    Err(BadInput::new(text(model.drive_frequency_hz), format!("{}, as in the rig file", text(frequency)))
-        .at("drive_frequency_hz")
-        .remedy("Give the rig file on which the model was identified"))
+    Err(BadInput::new(text(model.drive_frequency_hz), format!("{}, as in the rig file", text(frequency))))
 }
 
 /// Coefficients in the file's order. Of one that each record has for itself, the first record's.

@@ -44,7 +44,7 @@ pub use self::trial::Share;
 use crate::error::{BadInput, Result};
 use crate::explain::engine::expected::Expected;
 use crate::identify::Parameter;
-use crate::model::identified::IdentifiedModel;
+use crate::model::identified::{AddedEffect, IdentifiedModel};
 use crate::record::Record;
 use crate::rig::Rig;
 
@@ -339,7 +339,7 @@ pub fn plan(
 /// Refuses goals that the model does not have.
 fn check_goals(settings: &Settings<'_>, model: &IdentifiedModel) -> Result<()> {
     let goals = &settings.goals;
-    let names: Vec<String> = model.effects.iter().map(|e| format!("{}@{}", e.id, e.at)).collect();
+    let names: Vec<String> = model.effects.iter().map(AddedEffect::name).collect();
     let sized = settings.sizes.iter().any(|t| t.size.is_some());
     if !goals.tell.is_empty() && !sized && !goals.tell.iter().any(|t| names.contains(t)) {
         let has = if names.is_empty() { "no effect".to_owned() } else { names.join(", ") };

@@ -178,7 +178,7 @@ impl<'a> Task<'a> {
     /// # Errors
     /// An effect that the rig cannot have.
     pub fn put_in(&mut self, good: &[Setting]) -> Result<()> {
-        let has = |m: &IdentifiedModel, name: &str| m.effects.iter().any(|e| format!("{}@{}", e.id, e.at) == name);
+        let has = |m: &IdentifiedModel, name: &str| m.effects.iter().any(|e| e.name() == name);
         for tell in &self.settings.sizes {
             let Some(size) = tell.size.filter(|_| !has(&self.model, &tell.name)) else { continue };
             let mut last = None;

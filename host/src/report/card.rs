@@ -12,9 +12,11 @@ use super::figures::palette::MEASURED;
 use super::figures::panel::{Layout, Panel, Rule, Series, Shape};
 use super::format::{Z95, plus_minus, significant};
 use super::html::{Align, Html, escape};
+use super::names;
 use super::symbols::{symbol_plain, symbol_svg};
 use crate::explain::engine::compared::Compared;
 use crate::export::written_out::{WrittenEquation, WrittenOut, WrittenTerm};
+use crate::identify::Parameter;
 
 /// Widest line of an equation in a terminal, characters.
 const WIDE: usize = 100;
@@ -69,6 +71,18 @@ pub struct Card {
 }
 
 impl CardRow {
+    /// Of a coefficient; what it multiplies stands where it has no plain name.
+    pub fn of(p: &Parameter, equations: Option<&WrittenOut>) -> Self {
+        let multiplies = || equations.and_then(|w| w.multiplies.get(&p.name)).map(|m| format!("multiplies, {m}"));
+        Self {
+            symbol: p.name.clone(),
+            plain: names::parameter(&p.name).map(str::to_owned).or_else(multiplies).unwrap_or_default(),
+            before: None,
+            after: (p.value, p.std_error),
+            unit: if p.unit == "1" { String::new() } else { p.unit.clone() },
+        }
+    }
+
     /// Value and 95 % interval.
     fn interval((value, std_error): (f64, f64)) -> String {
         if std_error.is_infinite() {

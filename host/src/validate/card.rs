@@ -11,25 +11,20 @@ use crate::rig::Rig;
 /// The card of a validation of a model on a rig.
 pub fn card(v: &Validation, model: &IdentifiedModel, rig: &Rig) -> Card {
     let equations = equations(model, rig);
-    let own = model.parameters.iter().map(|p| CardRow {
-        symbol: p.name.clone(),
-        plain: names::parameter(&p.name).unwrap_or_default().to_owned(),
-        before: None,
-        after: (p.value, p.std_error),
-        unit: if p.unit == "1" { String::new() } else { p.unit.clone() },
-    });
+    let own = model.parameters.iter().map(|p| CardRow::of(p, equations.as_ref()));
     let effects = model.effects.iter().map(|e| CardRow {
         symbol: String::new(),
-        plain: names::effect(&format!("{}@{}", e.id, e.at)),
+        plain: names::effect(&e.name()),
         before: None,
         after: (e.value, e.std_error),
         unit: e.unit.clone(),
     });
+    let parameters = own.chain(effects).collect();
     let failed = v.checks.iter().filter(|c| !c.passed);
     Card {
         verdict: sentence(v),
         equations,
-        parameters: own.chain(effects).collect(),
+        parameters,
         undecided: failed.map(|c| format!("Failed: {}: {}.", c.name, c.message.trim_end_matches('.'))).collect(),
         ..Card::default()
     }

@@ -24,24 +24,6 @@ pub(in crate::explain) trait Evidence: Sync {
     fn least_deviations(&self) -> f64;
 }
 
-impl<T: Evidence + ?Sized> Evidence for &T {
-    fn fit(&self, columns: &[usize]) -> Option<Fit> {
-        (**self).fit(columns)
-    }
-
-    fn rescored(&self, own: &[usize], most: usize, scores: &[(f64, (usize, usize))]) -> Option<Vec<f64>> {
-        (**self).rescored(own, most, scores)
-    }
-
-    fn least_gain(&self, total: f64) -> f64 {
-        (**self).least_gain(total)
-    }
-
-    fn least_deviations(&self) -> f64 {
-        (**self).least_deviations()
-    }
-}
-
 /// Rows of the weak form, weighted by equation and frequency.
 pub(in crate::explain) struct Rows<'a> {
     pub(in crate::explain) design: &'a Design,

@@ -10,7 +10,7 @@
 use nalgebra::DVector;
 use serde::Serialize;
 
-use super::prediction::{Model, Span};
+use super::prediction::Predictions;
 use super::setting::Setting;
 use super::state::State;
 use crate::identify::stretches::Stretch;
@@ -38,24 +38,18 @@ pub struct Attractor {
 
 /// Measures a model with coefficients `x`; none where something does not turn or nothing can be
 /// predicted.
-pub fn measure(
-    setting: &Setting<'_>,
-    state: &State,
-    x: &DVector<f64>,
-    (horizon_s, held_out): (f64, &[Span]),
-    step_s: Option<f64>,
-) -> Option<Attractor> {
+pub fn measure(setting: &Setting<'_>, state: &State, x: &DVector<f64>, how: Predictions<'_>) -> Option<Attractor> {
     if !setting.circle.iter().all(|c| *c) {
         return None;
     }
-    let (motion, parameters, hidden) = state.free_motion_of(setting, x, 0)?;
-    let model = Model { motion: &motion, parameters: &parameters, step_s };
+    let moving = state.free_motion_of(setting, x, 0)?;
+    let model = moving.model(how.step_s);
     let tolerance = vec![TOLERANCE_DEG.to_radians(); setting.bound.sensors.len()];
-    state.on_free_track(setting, hidden, |track| {
-        let prediction_horizon_s = model.holds_s(track, (horizon_s, held_out), &tolerance, LONGEST * horizon_s)?;
+    state.on_free_track(setting, moving.hidden.clone(), |track| {
+        let prediction_horizon_s = model.holds_s(track, how, &tolerance, LONGEST * how.horizon_s)?;
         let longest = (0..state.stretches.len()).max_by_key(|&k| (state.stretches[k].len(), usize::MAX - k))?;
         let test = setting.rig.drive.and_then(|_| {
-            let shown = model.shown(track, longest, horizon_s)?;
+            let shown = model.shown(track, longest, how.horizon_s)?;
             let [measured, simulated] = sections(setting, &state.stretches[longest], &shown)?;
             energy_test(&measured, &simulated, SEED)
         });

@@ -33,7 +33,7 @@ pub struct Candidate {
     /// Its shape parameters.
     pub form: Form,
     /// Whether these were moved between the grid's to what the model leaves.
-    pub is_sharpened: bool,
+    pub is_moved: bool,
     /// How it acts.
     action: Action,
     /// The same at a smaller and a greater value of each shape parameter that is refined, and half
@@ -63,9 +63,9 @@ impl Candidate {
         {
             return None;
         }
-        let candidate = Self { entry: entry.clone(), place, form, is_sharpened: false, action, beside: Vec::new() };
+        let candidate = Self { entry: entry.clone(), place, form, is_moved: false, action, beside: Vec::new() };
         if matches!(candidate.action, Action::Force(_) | Action::Changes(_)) {
-            let all = candidate.at_values(setting, physical);
+            let all = candidate.plain(setting, physical);
             let holds =
                 |of: &Node| setting.shooting || pieces_of_effect(of, setting.rig.omega(), &setting.circle).is_ok();
             // Nothing that the weak form cannot hold, nothing that is nothing.
@@ -86,14 +86,9 @@ impl Candidate {
         action.map_or_else(Vec::new, |a| at_values(setting, &a, entry.strengths.len(), physical))
     }
 
-    /// Its columns but those of a sensor or the phase, none of them refined.
+    /// Its columns but those of a sensor or the phase, none of them refined, at values of what they
+    /// rest on and of the equations' own coefficients.
     pub fn plain(&self, setting: &Setting<'_>, physical: &Physical) -> Vec<Column> {
-        self.at_values(setting, physical)
-    }
-
-    /// Its columns but those of a sensor or the phase, at values of what they rest on and of the
-    /// equations' own coefficients.
-    fn at_values(&self, setting: &Setting<'_>, physical: &Physical) -> Vec<Column> {
         at_values(setting, &self.action, self.entry.strengths.len(), physical)
     }
 
@@ -207,7 +202,7 @@ impl Candidate {
             form[k].1 = (form[k].1 + step.clamp(-limit, limit)).clamp(low, high);
         }
         let moved = Self::new(setting, &self.entry, self.place, form, physical)
-            .map(|c| Self { is_sharpened: self.is_sharpened, ..c.refined(setting, physical) });
+            .map(|c| Self { is_moved: self.is_moved, ..c.refined(setting, physical) });
         // At the edge of what can be followed a shape has no derivative; columns that were counted
         // with one need it.
         let kept = moved.filter(|c| !self.is_refined() || c.strengths() == self.strengths());
@@ -224,8 +219,8 @@ impl Candidate {
 
     /// The same as one whose form was moved to what is left.
     #[must_use]
-    pub fn sharpened(self) -> Self {
-        Self { is_sharpened: true, ..self }
+    pub fn of_moved_form(self) -> Self {
+        Self { is_moved: true, ..self }
     }
 
     /// The same where a strength may take away from another effect at its place.

@@ -1,12 +1,12 @@
 //! The next effect, and what is told of it.
 
 use super::candidates::Candidate;
-use super::evidence::Outcome;
+use super::evidence::{Evidence, Outcome};
 use super::search::Search;
 use super::setting::Setting;
 use super::state::State;
 use super::{shooting, tell};
-use crate::explain::decision::{self, Choice, Offer};
+use crate::explain::decision::{self, Choice, Offer, Rows};
 use crate::explain::explanation::{Explanation, Found};
 use crate::explain::ranking::Fit;
 
@@ -32,17 +32,24 @@ pub fn choose(
             shapes: c.form.len(),
             refines: c.entry.refines.as_ref().map(|r| format!("{r}@{}", c.place_name(setting))),
             taken: search.has(setting, state, c, &refused),
-            moved: c.is_sharpened,
+            moved: c.is_moved,
         })
         .collect();
     let feigned = |k: usize, with: &Fit| evidence.feigned(setting, state, &fit.all, &candidates[k], with);
-    let judged = evidence.judged();
+    let rows;
+    let judged: &dyn decision::Evidence = match evidence {
+        Evidence::Weak(design, weights) => {
+            rows = Rows { design, weights };
+            &rows
+        }
+        Evidence::Shooting(blocks) => blocks,
+    };
     let together = |indices: &[usize]| -> Option<Box<dyn decision::Evidence>> {
         let some: Vec<&Candidate> = indices.iter().map(|&i| &candidates[i]).collect();
         let found = setting.shooting.then(|| shooting::evidence(setting, state, &some, true, &[]));
         Some(Box::new(found.flatten()?))
     };
-    let selection = decision::Selection { evidence: &*judged, own, offers: &offers };
+    let selection = decision::Selection { evidence: judged, own, offers: &offers };
     let (ranking, refused) = (&mut result.ranking, &mut result.refused);
     let Choice { index, fit, p_value, share, twins, runner_up } =
         decision::choose(&selection, step, ranking, refused, &feigned, &together)?;

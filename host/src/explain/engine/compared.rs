@@ -8,7 +8,7 @@
 use nalgebra::DVector;
 use serde::Serialize;
 
-use super::prediction::{Model, Span};
+use super::prediction::Predictions;
 use super::setting::Setting;
 use super::state::State;
 use super::units::Unit;
@@ -54,15 +54,15 @@ pub fn compare(
     setting: &Setting<'_>,
     before: Stage<'_>,
     after: Option<Stage<'_>>,
-    (horizons, held_out, step_s): ((f64, f64), &[Span], Option<f64>),
+    how: Predictions<'_>,
     holds_s: Option<f64>,
 ) -> Option<Compared> {
-    let [least, most] = SPAN.map(|f| f * horizons.0);
-    let span_s = holds_s.map_or(2.0 * least, |h| HELD * h).clamp(least, most).min(horizons.1);
+    let [least, most] = SPAN.map(|f| f * how.horizon_s);
+    let span_s = holds_s.map_or(2.0 * least, |h| HELD * h).clamp(least, most).min(how.longest_s);
     let run = |(state, x): Stage<'_>| -> Vec<((usize, usize), Vec<f64>)> {
-        let Some((motion, parameters, hidden)) = state.free_motion_of(setting, x, 0) else { return Vec::new() };
-        let model = Model { motion: &motion, parameters: &parameters, step_s };
-        state.on_free_track(setting, hidden, |t| model.free(t, (horizons.0, held_out), span_s, MOST))
+        let Some(moving) = state.free_motion_of(setting, x, 0) else { return Vec::new() };
+        let model = moving.model(how.step_s);
+        state.on_free_track(setting, moving.hidden.clone(), |t| model.free(t, how, span_s, MOST))
     };
     // Parameters are those of the first record.
     let of_first = |at: &(usize, usize)| setting.record_of.get(at.0).is_none_or(|r| *r == 0);
@@ -87,7 +87,7 @@ pub fn compare(
         measures: setting.rig.channel[setting.bound.sensors[shown]].measures.clone(),
         unit: if unit.name == "deg" { "°".to_owned() } else { unit.name.clone() },
         from_s: stretch.time(at.1),
-        fitted_s: horizons.0,
+        fitted_s: how.horizon_s,
         t: (0..count).step_by(every).map(|i| i as f64 * stretch.step_s).collect(),
         measured: thin(measured, turned),
         before: thin(of(old, shown), 0.0),

@@ -8,7 +8,7 @@
 use rayon::prelude::*;
 
 use super::candidates::Candidate;
-use super::prediction::Span;
+use super::prediction::Range;
 use super::setting::Setting;
 use super::state::State;
 use crate::error::Result;
@@ -56,13 +56,13 @@ impl Design {
     }
 
     /// What windows of every fold but the first leave out.
-    pub fn held_out(&self, setting: &Setting<'_>) -> Vec<Span> {
+    pub fn held_out(&self, setting: &Setting<'_>) -> Vec<Range> {
         let (windows, reach) = (&setting.geometry.windows, setting.geometry.kernels.full.reach());
         let of = |w: &Window| {
             // Short against the stretch; rounded as windows are placed.
             let samples = |s: f64| (s / setting.raw[w.run].step_s).round() as usize;
             let begin = reach + samples(w.index as f64 * windows.hop_s);
-            [w.run, begin, begin + samples(windows.length_s)]
+            Range { stretch: w.run, begin, end: begin + samples(windows.length_s) }
         };
         self.windows.iter().filter(|w| w.index % 2 == 0 && w.blocks().0 % FOLDS == 0).map(of).collect()
     }

@@ -5,17 +5,16 @@ use nalgebra::{DMatrix, DVector};
 
 use super::candidates::{Candidate, Column};
 use super::design::Design;
-use super::power::Power;
-use super::prediction::Span;
+use super::power::{Power, Repeats};
+use super::prediction::Range;
 use super::relaxation::Relaxation;
 use super::setting::Setting;
-use super::sharpened::sharpen;
 use super::shooting::blocks::Blocks;
 use super::shooting::{Followed, Ground};
 use super::state::State;
-use super::{design, memory, power, shooting};
+use super::{design, memory, moved_forms, power, shooting};
 use crate::error::{BadInput, Result};
-use crate::explain::decision::{self, Rows};
+use crate::explain::decision;
 use crate::explain::ranking::{self, FOLDS, Fit, Weights};
 use crate::identify::jackknife::widening;
 
@@ -66,14 +65,6 @@ impl decision::Evidence for Blocks {
 }
 
 impl Evidence {
-    /// As the choice takes it.
-    pub(in crate::explain) fn judged(&self) -> Box<dyn decision::Evidence + '_> {
-        match self {
-            Self::Weak(design, weights) => Box::new(Rows { design, weights }),
-            Self::Shooting(blocks) => Box::new(blocks),
-        }
-    }
-
     /// Whether strengths of a candidate are those that a record without it shows as well: in rows
     /// that hold the sensors' noise in products. Shooting predicts what the sensors show.
     pub fn feigned(
@@ -139,7 +130,7 @@ impl Outcome {
     }
 
     /// What the coefficients of the training windows, `fit.train`, were not fitted to.
-    pub fn held_out(&self, setting: &Setting<'_>) -> Vec<Span> {
+    pub fn held_out(&self, setting: &Setting<'_>) -> Vec<Range> {
         match &self.evidence {
             Evidence::Weak(design, _) => design.held_out(setting),
             Evidence::Shooting(blocks) => blocks.places.iter().step_by(FOLDS).copied().collect(),
@@ -178,7 +169,7 @@ impl Outcome {
     pub fn until(&self, stretch: usize, sample: usize) -> Option<DVector<f64>> {
         match &self.evidence {
             Evidence::Weak(..) => None,
-            Evidence::Shooting(blocks) => blocks.of_some(&self.own, |[s, _, end]| *s != stretch || *end <= sample),
+            Evidence::Shooting(blocks) => blocks.of_some(&self.own, |r| r.stretch != stretch || r.end <= sample),
         }
     }
 
@@ -189,7 +180,7 @@ impl Outcome {
                 let end = (share * design.windows.len() as f64) as usize;
                 ranking::fit_some(design, &self.own, weights, |k| k + 2 <= end)
             }
-            Evidence::Shooting(blocks) => blocks.of_some(&self.own, |[s, _, end]| (*s, *end) <= (stretch, sample)),
+            Evidence::Shooting(blocks) => blocks.of_some(&self.own, |r| (r.stretch, r.end) <= (stretch, sample)),
         }
     }
 
@@ -200,7 +191,7 @@ impl Outcome {
     /// As [`design::residual`].
     pub fn power(&self, setting: &Setting<'_>, state: &State) -> Result<f64> {
         match &self.evidence {
-            Evidence::Weak(..) => Ok(self.rows(setting, state)?.ratio),
+            Evidence::Weak(..) => Ok(self.rows(setting, state, &Repeats::of(setting, state)?)?.ratio),
             Evidence::Shooting(_) => {
                 let all = self.powers();
                 Ok(all.iter().sum::<f64>() / all.len().max(1) as f64)
@@ -220,12 +211,13 @@ impl Outcome {
     ///
     /// # Errors
     /// An effect that the weak form cannot hold.
-    pub fn rows(&self, setting: &Setting<'_>, state: &State) -> Result<Power> {
+    pub fn rows(&self, setting: &Setting<'_>, state: &State, repeats: &Repeats) -> Result<Power> {
         let x = &self.fit.all;
         if let Evidence::Weak(design, _) = &self.evidence {
-            return power::power(setting, state, design, &self.own, x);
+            return power::power(setting, state, repeats, design, &self.own, x);
         }
-        power::power(setting, state, &design::build(setting, state, &state.stretches, &[])?, &self.own, x)
+        let design = design::build(setting, state, &state.stretches, &[])?;
+        power::power(setting, state, repeats, &design, &self.own, x)
     }
 }
 
@@ -304,7 +296,7 @@ fn by_shooting(
     let ground = Ground::new(setting, state).ok_or_else(singular)?;
     let mut blocks = ground.evidence(&further, false, &[]).ok_or_else(singular)?;
     let fit = blocks.fit(&own).ok_or_else(singular)?;
-    sharpen(&ground, setting, state, &mut candidates, &mut blocks);
+    moved_forms::add(&ground, setting, state, &mut candidates, &mut blocks);
     memory::keep(setting, state, &candidates);
     Ok(Outcome { candidates, evidence: Evidence::Shooting(blocks), own, fit })
 }

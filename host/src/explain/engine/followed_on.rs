@@ -28,20 +28,20 @@ impl Run<'_> {
             return Ok(None);
         }
         let samples = |state: &State| state.followed.as_ref().map_or(0, Followed::samples);
-        let before = self.state.clone();
+        let before = self.told.state.clone();
         self.setting.blocks = (FEWEST_BLOCKS + 1) as f64;
-        let candidates = offered::candidates(&self.setting, &self.state);
-        let longer = refit(&self.setting, &mut self.state, candidates);
-        let windows = self.state.followed.as_ref().map_or(0, |f| f.windows(&self.setting).0);
+        let candidates = offered::candidates(&self.setting, &self.told.state);
+        let longer = refit(&self.setting, &mut self.told.state, candidates);
+        let windows = self.told.state.followed.as_ref().map_or(0, |f| f.windows(&self.setting).0);
         if let Ok(longer) = longer
             && windows >= FEWEST_BLOCKS
-            && samples(&self.state) > samples(&before)
-            && longer.power(&self.setting, &self.state)? < HOPELESS
+            && samples(&self.told.state) > samples(&before)
+            && longer.power(&self.setting, &self.told.state)? < HOPELESS
         {
             self.tell_again(&longer)?;
             return Ok(Some(longer));
         }
-        self.state = before;
+        self.told.state = before;
         self.setting.blocks = shooting::BLOCKS;
         Ok(None)
     }
@@ -52,7 +52,7 @@ impl Run<'_> {
     /// # Errors
     /// As [`Run::push`].
     pub(super) fn is_followed(&self, outcome: &Outcome) -> Result<bool> {
-        Ok(outcome.power(&self.setting, &self.state)? <= EXCUSED * EXCUSED)
+        Ok(outcome.power(&self.setting, &self.told.state)? <= EXCUSED * EXCUSED)
     }
 
     /// Where more than noise is left of a motion that is followed on, the search once more from the
@@ -61,13 +61,13 @@ impl Run<'_> {
     pub(super) fn searched_again(&mut self, most: usize, outcome: Outcome) -> Result<Outcome> {
         let Evidence::Shooting(blocks) = &outcome.evidence else { return Ok(outcome) };
         let misses = exchange::sum(&outcome.fit) > exchange::MISSES * blocks.noise();
-        let kept = self.clone_told();
-        if !misses || self.result.effects.is_empty() || !self.begin_again() {
+        let kept = self.told.clone();
+        if !misses || self.told.result.effects.is_empty() || !self.begin_again() {
             return Ok(outcome);
         }
-        let candidates = offered::candidates(&self.setting, &self.state);
+        let candidates = offered::candidates(&self.setting, &self.told.state);
         let mut search = Search::default();
-        let again = refit(&self.setting, &mut self.state, candidates).and_then(|again| {
+        let again = refit(&self.setting, &mut self.told.state, candidates).and_then(|again| {
             self.tell_again(&again)?;
             let again = self.added(&mut search, most, None, Some(again))?;
             self.cleared(&mut search, most, again)
@@ -75,7 +75,7 @@ impl Run<'_> {
         match again {
             Ok(again) if again.left().zip(outcome.left()).is_some_and(|(a, b)| a < b) => Ok(again),
             _ => {
-                self.take_told(kept);
+                self.told = kept;
                 Ok(outcome)
             }
         }

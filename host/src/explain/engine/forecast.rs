@@ -4,7 +4,7 @@
 use nalgebra::DVector;
 
 use super::Outcome;
-use super::prediction::{Model, Part};
+use super::prediction::{Part, Predictions};
 use super::setting::Setting;
 use super::state::State;
 use super::units::Unit;
@@ -52,24 +52,25 @@ pub fn fitted(state: &State, outcome: &Outcome) -> Option<DVector<f64>> {
     outcome.before(stretch, sample, FITTED)
 }
 
-/// Measures a model with coefficients `x` after something was added; `gap_s`: the gap's horizon.
+/// Measures a model with coefficients `x` after something was added.
 pub fn measure(
     setting: &Setting<'_>,
     state: &State,
     x: Option<&DVector<f64>>,
-    (added, gap_s, step_s): (Option<String>, f64, Option<f64>),
+    added: Option<&String>,
+    how: Predictions<'_>,
     all: &mut [Forecast],
 ) {
     let (stretch, sample) = split(state);
-    let motion = x.and_then(|x| state.motion(setting, x));
+    let moving = x.and_then(|x| state.motion(setting, x));
     let factor = Unit::of(setting.rig, setting.whole).factor;
     for f in all {
-        let most = LEAST_WINDOWS.max((MOST_WINDOWS * gap_s / f.horizon_s) as usize);
-        let error = motion.as_ref().and_then(|(motion, parameters)| {
-            let model = Model { motion, parameters, step_s };
+        let most = LEAST_WINDOWS.max((MOST_WINDOWS * how.horizon_s / f.horizon_s) as usize);
+        let error = moving.as_ref().and_then(|moving| {
+            let model = moving.model(how.step_s);
             state.on_track(setting, |t| model.error(t, f.horizon_s, Part::From(stretch, sample), most))
         });
         // What is no number is left out in the end.
-        f.steps.push(Step { added: added.clone(), value: error.map_or(f64::NAN, |e| factor * e) });
+        f.steps.push(Step { added: added.cloned(), value: error.map_or(f64::NAN, |e| factor * e) });
     }
 }

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::candidates::Candidate;
 use super::memory;
-use super::setting::Setting;
+use super::setting::{Lines, Setting, with_lines};
 use super::state::State;
 use crate::effects::entry::{At, Entry, Form};
 use crate::effects::places::Place;
@@ -49,24 +49,21 @@ pub struct Scan {
 pub fn scans(setting: &Setting<'_>, state: &State, among: &[Candidate]) -> Vec<Scan> {
     let Some(followed) = state.followed.as_ref().filter(|_| setting.rig.drive.is_none()) else { return Vec::new() };
     let (_, window_s) = followed.windows(setting);
-    let frequencies = grid(setting.geometry.kernels.full.pass_hz, window_s);
+    let of_frame = grid(setting.geometry.kernels.full.pass_hz, window_s);
+    let frequencies = Lines { of_frame, ..Lines::default() };
     let found: Vec<String> = state.chosen.iter().map(|k| k.candidate.name(setting)).collect();
     let is_open = |c: &Candidate| {
         let name = c.name(setting);
-        gives_way(c) && !found.contains(&name) && !state.unmoved.contains(&name)
+        gives_way(c) && !found.contains(&name) && !state.moved_in_vain.contains(&name)
     };
     let mut out: Vec<Scan> = Vec::new();
     for c in among.iter().filter(|c| is_open(c)) {
         if out.iter().any(|s| s.entry.id == c.entry.id) {
             continue;
         }
-        let mut entry = (*c.entry).clone();
-        for s in entry.shapes.iter_mut().filter(|s| s.of_lines) {
-            let [low, high] = s.within.unwrap_or([0.0, f64::INFINITY]);
-            s.grid = frequencies.iter().copied().filter(|f| (low..=high).contains(f)).collect();
-        }
+        let entry = with_lines(c.entry.clone(), &frequencies);
         let alone = Arc::new(first_alone(&entry));
-        out.push(Scan { entry: Arc::new(entry), forms: alone.forms(), alone, place: c.place });
+        out.push(Scan { entry, forms: alone.forms(), alone, place: c.place });
     }
     out
 }

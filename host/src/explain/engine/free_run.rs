@@ -28,7 +28,7 @@ const EXACT: f64 = 1e-4;
 
 /// A part of a stretch that a free run is fitted to, and where it ends: samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Span {
+pub struct Split {
     /// Stretch.
     pub stretch: usize,
     /// End of what is fitted.
@@ -62,13 +62,13 @@ pub fn run(
     motion: &EquationsOfMotion,
     parameters: &[f64],
     track: &Track<'_>,
-    span: Span,
+    split: Split,
     window: usize,
 ) -> Option<f64> {
     let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
-    let window = window.clamp(64, span.fitted.max(64));
-    let first = span.fitted.checked_sub(window)?;
-    let (whole, guess) = track.piece(span.stretch, first, span.end - first)?;
+    let window = window.clamp(64, split.fitted.max(64));
+    let first = split.fitted.checked_sub(window)?;
+    let (whole, guess) = track.piece(split.stretch, first, split.end - first)?;
     let step_s = step_of(motion, parameters, track, &whole, &guess);
     let problem = track.problem(motion, step_s, &at);
     let lengths = [window / 16, window / 4, window].map(|l| l.max(16));
@@ -87,12 +87,12 @@ pub fn simulate(
     parameters: &[f64],
     signs: &[f64],
     track: &Track<'_>,
-    span: Span,
+    split: Split,
 ) -> Option<(Vec<f64>, f64)> {
     let most = if track.is_driven() { MOST_DRIVEN } else { MOST_FREE };
-    let first = span.fitted.saturating_sub(most);
-    let fit = fitted(motion, parameters, signs, track, span, first)?;
-    Some((fit.parameters, rms_behind(&fit.residuals, span.fitted - first, track)))
+    let first = split.fitted.saturating_sub(most);
+    let fit = fitted(motion, parameters, signs, track, split, first)?;
+    Some((fit.parameters, rms_behind(&fit.residuals, split.fitted - first, track)))
 }
 
 /// Mean square, in units of the noise, of what one simulation leaves of a stretch whose beginning
@@ -107,7 +107,7 @@ pub fn left_of_stretch(
     stretch: usize,
 ) -> Option<(f64, usize)> {
     let end = track.samples(stretch).min(MOST_FREE);
-    let fit = fitted(motion, parameters, signs, track, Span { stretch, fitted: end, end }, 0)?;
+    let fit = fitted(motion, parameters, signs, track, Split { stretch, fitted: end, end }, 0)?;
     let (piece, _) = track.piece(stretch, 0, end)?;
     let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
     let problem = track.problem(motion, fit.step_s, &at);
@@ -127,7 +127,7 @@ pub fn left_of_stretch(
 struct Fitted {
     parameters: Vec<f64>,
     state: Vec<f64>,
-    /// To the span's end, in units of the noise.
+    /// To the split's end, in units of the noise.
     residuals: Vec<f64>,
     converged: bool,
     step_s: f64,
@@ -139,15 +139,15 @@ fn fitted(
     parameters: &[f64],
     signs: &[f64],
     track: &Track<'_>,
-    span: Span,
+    split: Split,
     first: usize,
 ) -> Option<Fitted> {
     let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
-    let fitted = span.fitted - first;
+    let fitted = split.fitted - first;
     if fitted < 64 {
         return None;
     }
-    let (piece, guess) = track.piece(span.stretch, first, fitted)?;
+    let (piece, guess) = track.piece(split.stretch, first, fitted)?;
     let step_s = step_of(motion, parameters, track, &piece, &guess);
     let problem = track.problem(motion, step_s, &at);
     // The state first, over longer and longer beginnings, then everything over the whole part.
@@ -167,7 +167,7 @@ fn fitted(
         .collect();
     let start = Start { parameters, states: vec![state] };
     let fit = minimise(&problem, &[piece], start, &bounds, TOLERANCE, ROUNDS, &mut || {})?;
-    let (whole, _) = track.piece(span.stretch, first, span.end - first)?;
+    let (whole, _) = track.piece(split.stretch, first, split.end - first)?;
     let state = fit.states.first()?.clone();
     let residuals = problem.residuals(&whole, &state, &fit.parameters)?;
     Some(Fitted { parameters: fit.parameters, state, residuals, converged: fit.converged, step_s })

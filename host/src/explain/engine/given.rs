@@ -13,7 +13,7 @@ use crate::error::{BadInput, Result};
 use crate::identify::model_file::own_keys;
 use crate::model::identified::{AddedEffect, IdentifiedModel, RECORD_S, System};
 use crate::model::model_file::expression::multiple;
-use crate::motion::at_coordinates;
+use crate::motion::{at_coordinates, check_drive};
 use crate::system::mechanism::Mechanism;
 
 /// The shape parameters of an effect in a file; none where one is missing.
@@ -29,8 +29,13 @@ pub fn form_of(entry: &Entry, e: &AddedEffect) -> Option<Form> {
         .collect()
 }
 
+/// An error about the model that was given.
+fn told(e: BadInput) -> BadInput {
+    e.at("--model").remedy("Give a model that was identified on this rig")
+}
+
 fn bad<T>(found: String, expected: &str) -> Result<T> {
-    Err(BadInput::new(found, expected).at("--model").remedy("Give a model that was identified on this rig"))
+    Err(told(BadInput::new(found, expected)))
 }
 
 /// Takes a model's coefficients, dampings and effects over.
@@ -43,17 +48,13 @@ pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -
         System::Own(_) => return bad("other equations".to_owned(), "those of the rig's model file"),
         System::BuiltIn(id) => return bad(format!("a model of \"{id}\""), "a model of the rig's own system"),
     }
-    let frequency = setting.rig.drive.map(|d| d.frequency_hz);
-    if model.drive_frequency_hz != frequency {
-        let text = |f: Option<f64>| f.map_or("no drive".to_owned(), |f| format!("a drive of {f} Hz"));
-        return bad(text(model.drive_frequency_hz), &format!("{}, as in the rig file", text(frequency)));
-    }
+    check_drive(model, setting.rig).map_err(told)?;
     let mut by_name = BTreeMap::new();
     for name in setting.whole.model.coefficients() {
-        let Some(p) = model.coefficient(&name) else {
+        let Some(p) = model.coefficient(name) else {
             return bad(format!("no parameter {name}"), "every coefficient");
         };
-        by_name.insert(name, p.value);
+        by_name.insert(name.clone(), p.value);
     }
     // A record's own coefficient starts from that of the first where the model knows fewer records.
     let value = |n: &String| -> Option<f64> {
@@ -69,13 +70,13 @@ pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -
     }
     let lines: Vec<f64> = model.effects.iter().filter_map(|e| e.parameters.get("f").copied()).collect();
     let lines = Lines { of_frame: lines.clone(), of_forces: lines };
-    let has = |name: &str| model.effects.iter().any(|e| name == format!("{}@{}", e.id, e.at));
+    let has = |name: &str| model.effects.iter().any(|e| e.name() == name);
     let all = setting.candidates_of(&state.physical, &lines, &has);
     // Earlier versions wrote what stands at a coordinate without where it acts.
     let earlier = setting.is_written() && !model.found_with.contains_key(RECORD_S);
     let as_written = if earlier { at_coordinates::of(model, setting.model())? } else { Vec::new() };
     for (index, e) in model.effects.iter().enumerate() {
-        let name = format!("{}@{}", e.id, e.at);
+        let name = e.name();
         let found = all.iter().find(|c| {
             c.name(setting) == name
                 && (!c.refined_shapes().is_empty() || form_of(&c.entry, e).as_ref() == Some(&c.form))

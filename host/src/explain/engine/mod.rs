@@ -20,6 +20,7 @@
 //! | `design` | columns over all windows of the weak form |
 //! | `shooting` | columns of trajectories |
 //! | `frames` | frequencies at which the frame gives way |
+//! | `moved_forms` | shape parameters between those of the grid |
 //! | `evidence` | one fit and one choice over either |
 //! | `simulation` | free runs beyond what was fitted |
 //! | `given` | a model to start from or to predict with |
@@ -28,6 +29,7 @@
 //! | `forecast`, `attractor` | the last 30 %, how long predictions hold, Poincaré sections |
 //! | `power` | what noise alone leaves, what sensors alone feign |
 //! | `residual`, `residual_map` | where what is left sits |
+//! | `axes` | coordinates that it is looked at against |
 //! | `patched`, `pieces` | a shape put together from several effects |
 //! | `relaxation` | how far inertias go from round to round |
 //! | `tell`, `units` | values, units, the model |
@@ -35,6 +37,7 @@
 //! | `unknown` | the shape of what has no name |
 
 pub mod attractor;
+mod axes;
 mod candidates;
 mod chosen;
 pub mod compared;
@@ -48,6 +51,7 @@ mod frames;
 mod free_run;
 pub mod given;
 mod memory;
+mod moved_forms;
 mod offered;
 mod patched;
 mod pieces;
@@ -59,7 +63,6 @@ pub mod residual_map;
 mod run;
 mod search;
 mod setting;
-mod sharpened;
 mod shooting;
 pub mod simulation;
 mod state;
@@ -150,12 +153,12 @@ fn attempt(
     let undecidable = undecidable(&setting, records, &first, blocks, window_s);
     let mut run = Run::new(setting, state, result, window_s, settings);
     if let Some(given) = given {
-        let fitted = core::mem::replace(&mut run.state, given);
+        let fitted = core::mem::replace(&mut run.told.state, given);
         run.as_given();
-        run.state = fitted;
+        run.told.state = fitted;
     }
     let outcome = run.search(undecidable.is_some(), settings)?;
-    let quieter = || shooting::quieter(&run.setting, &run.state);
+    let quieter = || shooting::quieter(&run.setting, &run.told.state);
     if let Some(sensors) = (!last && outcome.evidence.is_shooting()).then(quieter).flatten() {
         return Ok(Attempt::Quieter(sensors));
     }
@@ -205,7 +208,7 @@ fn start(setting: &Setting<'_>, first: &Identification, physical: Physical) -> O
         chosen,
         stretches: setting.raw.clone(),
         relaxation: relaxation::Relaxation::default(),
-        unmoved: Vec::new(),
+        moved_in_vain: Vec::new(),
         followed: None,
     })
 }

@@ -8,7 +8,6 @@
 
 use super::evidence::{Outcome, refit};
 use super::run::Run;
-use super::search::named;
 use super::unknown::{self, Shape};
 use crate::explain::explanation::Refused;
 
@@ -22,27 +21,28 @@ impl Run<'_> {
     /// The outcome as it is, or that of the model before anything was added where what was added is
     /// a shape in pieces.
     pub fn without_pieces(&mut self, outcome: Outcome) -> Outcome {
-        let pieces = |shape: &Shape| self.result.effects.iter().filter(|f| f.at == shape.unknown.at).count();
+        let pieces = |shape: &Shape| self.told.result.effects.iter().filter(|f| f.at == shape.unknown.at).count();
         // Of a given model the first step is the one before it was fitted again.
-        let is_given = self.result.gap.steps.iter().any(|s| s.added.as_deref() == Some("refit"));
-        let left = (outcome.evidence.is_shooting() && !is_given && self.result.effects.len() >= PIECES)
-            .then(|| unknown::shape(&self.setting, &self.state, &outcome))
+        let is_given = self.told.result.gap.steps.iter().any(|s| s.added.as_deref() == Some("refit"));
+        let left = (outcome.evidence.is_shooting() && !is_given && self.told.result.effects.len() >= PIECES)
+            .then(|| unknown::shape(&self.setting, &self.told.state, &outcome))
             .flatten();
         let Some(left) = left.filter(|s| s.is_clear && pieces(s) >= PIECES) else { return outcome };
-        let power = self.result.residual_power;
-        let told = self.clone_told();
-        let (effects, ranking) = (self.result.effects.clone(), self.result.ranking.clone());
+        let power = self.told.result.residual_power;
+        let told = self.told.clone();
+        let (effects, ranking) = (self.told.result.effects.clone(), self.told.result.ranking.clone());
         if !self.begin_again() {
             return outcome;
         }
-        let first = refit(&self.setting, &mut self.state, Vec::new()).ok();
-        let whole = first.as_ref().and_then(|first| unknown::shape(&self.setting, &self.state, first)).filter(|s| {
-            let of = |s: &Shape| (s.unknown.at.clone(), s.unknown.against.clone());
-            let leaves = power[0] * (1.0 - s.unknown.held_out_gain);
-            s.is_clear && of(s) == of(&left) && leaves <= AS_GOOD * power[1]
-        });
+        let first = refit(&self.setting, &mut self.told.state, Vec::new()).ok();
+        let whole =
+            first.as_ref().and_then(|first| unknown::shape(&self.setting, &self.told.state, first)).filter(|s| {
+                let of = |s: &Shape| (s.unknown.at.clone(), s.unknown.against.clone());
+                let leaves = power[0] * (1.0 - s.unknown.held_out_gain);
+                s.is_clear && of(s) == of(&left) && leaves <= AS_GOOD * power[1]
+            });
         let (Some(whole), Some(first)) = (whole, first) else {
-            self.take_told(told);
+            self.told = told;
             return outcome;
         };
         let why = format!(
@@ -51,10 +51,10 @@ impl Run<'_> {
             whole.unknown.at,
             whole.unknown.against
         );
-        self.result.refused = effects.iter().map(|f| Refused::new(&named(f), why.clone())).collect();
-        self.result.ranking = ranking.into_iter().filter(|r| r.step == 0).collect();
-        self.result.gap.attractor.truncate(1);
-        self.result.residual_power = [power[0]; 2];
+        self.told.result.refused = effects.iter().map(|f| Refused::new(&f.name(), why.clone())).collect();
+        self.told.result.ranking = ranking.into_iter().filter(|r| r.step == 0).collect();
+        self.told.result.gap.attractor.truncate(1);
+        self.told.result.residual_power = [power[0]; 2];
         first
     }
 }

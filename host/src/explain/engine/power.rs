@@ -22,13 +22,13 @@ use super::candidates::Candidate;
 use super::design::{self, Design};
 use super::residual_map::{CLEARLY, Map, Where, merge};
 use super::setting::Setting;
-use super::state::State;
+use super::state::{Moving, State};
 use crate::error::Result;
 use crate::explain::ranking::{self, Fit, Weights};
 use crate::identify::chain_bias;
 use crate::identify::chain_bias::cells;
 use crate::identify::noise_bias::REPEATS;
-use crate::identify::remeasured::{measure, smoothed};
+use crate::identify::remeasured::{repeat, smoothed};
 use crate::identify::series::System;
 use crate::identify::stretches::Stretch;
 use crate::model::model_file::weak_form::WeakForm;
@@ -50,23 +50,47 @@ pub struct Power {
     noise: Vec<Vec<f64>>,
 }
 
+/// The record smoothed, taken for the truth and measured again.
+pub struct Repeats {
+    /// As it is.
+    pub truth: Vec<Stretch>,
+    /// As the sensors show it, [`REPEATS`] times.
+    pub measured: Vec<Vec<Stretch>>,
+}
+
+impl Repeats {
+    /// Of a state's record.
+    ///
+    /// # Errors
+    /// Equations that the weak form cannot hold.
+    pub fn of(setting: &Setting<'_>, state: &State) -> Result<Self> {
+        let weak = WeakForm::new(setting.model(), setting.rig.omega(), &[])?;
+        let kernels = &setting.geometry.kernels;
+        let system = System { stretches: &state.stretches, weak: &weak, kernels, circle: &setting.circle };
+        let (truth, _) = smoothed(&system, &setting.geometry.windows);
+        let measured = (0..REPEATS).map(|r| repeat(&truth, r, &setting.bound, &setting.sensors)).collect();
+        Ok(Self { truth, measured })
+    }
+}
+
 /// Power of the rows' residuals for coefficients `x` of some columns beside what the sensors' noise
 /// alone gives.
 ///
 /// # Errors
 /// As [`design::residual`].
-pub fn power(setting: &Setting<'_>, state: &State, design: &Design, own: &[usize], x: &DVector<f64>) -> Result<Power> {
-    let weak = WeakForm::new(setting.model(), setting.rig.omega(), &[])?;
-    let kernels = &setting.geometry.kernels;
-    let system = System { stretches: &state.stretches, weak: &weak, kernels, circle: &setting.circle };
-    let (truth, _) = smoothed(&system, &setting.geometry.windows);
-    let clean = design::residual(setting, state, &truth)?;
+pub fn power(
+    setting: &Setting<'_>,
+    state: &State,
+    repeats: &Repeats,
+    design: &Design,
+    own: &[usize],
+    x: &DVector<f64>,
+) -> Result<Power> {
+    let clean = design::residual(setting, state, &repeats.truth)?;
     let shape = vec![vec![0.0_f64; design.frequencies + 1]; design.equations()];
     let (mut noise, mut count) = (shape.clone(), shape);
-    for r in 0..REPEATS {
-        let measured: Vec<Stretch> =
-            truth.iter().enumerate().map(|(i, s)| measure(s, r, &setting.bound, &setting.sensors, i as u64)).collect();
-        for (a, b) in clean.iter().zip(&design::residual(setting, state, &measured)?) {
+    for measured in &repeats.measured {
+        for (a, b) in clean.iter().zip(&design::residual(setting, state, measured)?) {
             for (row, (a, b)) in a.iter().zip(b).enumerate() {
                 let (e, m) = design.place_of_row(row);
                 noise[e][m] += (b - a) * (b - a);
@@ -155,22 +179,18 @@ fn on_its_own(
     x: &DVector<f64>,
     candidate: &Candidate,
 ) -> Option<(DVector<f64>, usize)> {
-    let (motion, parameters) = state.motion(setting, x)?;
+    let Moving { equations, parameters, .. } = state.motion(setting, x)?;
     let weak = WeakForm::new(setting.model(), setting.rig.omega(), &[]).ok()?;
     let kernels = &setting.geometry.kernels;
     let system = System { stretches: &state.stretches, weak: &weak, kernels, circle: &setting.circle };
     let cells = cells(&setting.sensors.sigma);
-    let motions = chain_bias::motions(&motion, &parameters, &system, &setting.geometry.windows, setting.rig, cells)?;
+    let motions = chain_bias::motions(&equations, &parameters, &system, &setting.geometry.windows, setting.rig, cells)?;
     let d = candidate.strengths();
     let columns: Vec<usize> = (0..state.own_columns() + d).collect();
     let mut sum = DVector::zeros(d);
     let mut windows = 0;
     for r in 0..REPEATS {
-        let seen: Vec<Stretch> = motions
-            .iter()
-            .enumerate()
-            .map(|(i, s)| measure(s, r, &setting.bound, &setting.sensors, i as u64))
-            .collect();
+        let seen = repeat(&motions, r, &setting.bound, &setting.sensors);
         let design = design::build(setting, state, &seen, &[candidate]).ok()?;
         let x = ranking::fit_some(&design, &columns, weights, |_| true)?;
         sum += x.rows(x.len() - d, d);

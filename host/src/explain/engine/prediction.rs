@@ -9,7 +9,7 @@ use rayon::prelude::*;
 use super::free_run::step_of;
 use super::shooting::MOST_LOST;
 use crate::identify::shooting::problem::Piece;
-use crate::identify::track::{KnownPiece, Track};
+use crate::identify::track::Track;
 use crate::model::dynamics::Dynamics;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
@@ -22,14 +22,35 @@ const EXACT_GAP: f64 = 1e-5;
 /// the noise of its rounding.
 const AT_REST: f64 = 7.0;
 
-/// A part of a stretch: its number, and the samples of it at which the part begins and ends.
-pub type Span = [usize; 3];
+/// A part of a stretch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Range {
+    /// Stretch.
+    pub stretch: usize,
+    /// Sample of it at which the part begins.
+    pub begin: usize,
+    /// Sample at which it ends.
+    pub end: usize,
+}
+
+/// Predictions of what was not fitted.
+#[derive(Clone, Copy, Debug)]
+pub struct Predictions<'a> {
+    /// Horizon of the gap, s.
+    pub horizon_s: f64,
+    /// Longest over which it is measured: a window, s.
+    pub longest_s: f64,
+    /// What the coefficients that they are made with were not fitted to.
+    pub held_out: &'a [Range],
+    /// Step of integration, s; sought where none is given.
+    pub step_s: Option<f64>,
+}
 
 /// Where predictions are made.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Part<'a> {
     /// Inside what was not fitted.
-    HeldOut(&'a [Span]),
+    HeldOut(&'a [Range]),
     /// From a sample of a stretch on, and in every later stretch.
     From(usize, usize),
 }
@@ -39,14 +60,15 @@ impl Part<'_> {
     fn places(&self, track: &Track<'_>, length: usize) -> Vec<(usize, usize)> {
         let hop = (length / 4).max(16);
         // The last sample is the first of what follows.
-        let inside = |[stretch, begin, end]: Span| {
+        let inside = |Range { stretch, begin, end }: Range| {
             let last = (end + 1).min(track.samples(stretch)).checked_sub(length).filter(|last| *last >= begin);
             last.into_iter().flat_map(move |last| (begin..=last).step_by(hop).map(move |first| (stretch, first)))
         };
         match *self {
-            Self::HeldOut(spans) => spans.iter().copied().flat_map(inside).collect(),
+            Self::HeldOut(ranges) => ranges.iter().copied().flat_map(inside).collect(),
             Self::From(stretch, sample) => {
-                let from = |k: usize| [k, if k == stretch { sample } else { 0 }, track.samples(k)];
+                let begin = |k: usize| if k == stretch { sample } else { 0 };
+                let from = |k: usize| Range { stretch: k, begin: begin(k), end: track.samples(k) };
                 (stretch..track.stretches()).map(from).flat_map(inside).collect()
             }
         }
@@ -65,27 +87,40 @@ struct Windows {
     length: usize,
 }
 
+/// Samples over a horizon, its two ends among them.
+fn samples(track: &Track<'_>, horizon_s: f64) -> usize {
+    ((horizon_s / track.spacing_s).round() as usize).max(8) + 1
+}
+
 /// At most `most` windows of a horizon in a part of the record, spread evenly.
 fn windows(track: &Track<'_>, horizon_s: f64, part: Part<'_>, most: usize) -> Windows {
-    let length = ((horizon_s / track.spacing_s).round() as usize).max(8) + 1;
-    let place = |at: (usize, usize)| Some((at, track.known_piece(at.0, at.1, length)?));
-    let mut all: Vec<_> = part.places(track, length).into_iter().filter_map(place).collect();
+    let length = samples(track, horizon_s);
+    let known = |at: (usize, usize)| (at, track.is_known(at.0, at.1));
+    let mut all: Vec<((usize, usize), bool)> = part.places(track, length).into_iter().map(known).collect();
     // Where states are known from windows that were followed, one whose start has to be sought, and
     // may not be found, decides nothing.
-    if 2 * all.iter().filter(|(_, p)| p.is_known).count() >= all.len() {
-        all.retain(|(_, p)| p.is_known);
+    if 2 * all.iter().filter(|(_, known)| *known).count() >= all.len() {
+        all.retain(|(_, known)| *known);
     }
-    let moving = |(_, p): &((usize, usize), KnownPiece)| moves(&p.piece, track);
-    if matches!(part, Part::HeldOut(_)) && all.iter().any(moving) {
-        all.retain(moving);
+    if matches!(part, Part::HeldOut(_)) {
+        // Cut one by one: they overlap, and all together are several copies of the record.
+        let shows = |&((stretch, first), _): &((usize, usize), bool)| {
+            track.piece(stretch, first, length).is_some_and(|(piece, _)| moves(&piece, track))
+        };
+        let moving: Vec<bool> = all.par_iter().map(shows).collect();
+        if moving.contains(&true) {
+            let mut moving = moving.into_iter();
+            all.retain(|_| moving.next().unwrap_or(true));
+        }
     }
     let stride = all.len().div_ceil(most).max(1);
     let mut out = Windows { pieces: Vec::new(), guesses: Vec::new(), known: Vec::new(), places: Vec::new(), length };
-    for (place, KnownPiece { piece, guess, is_known }) in all.into_iter().step_by(stride) {
+    for ((stretch, first), known) in all.into_iter().step_by(stride) {
+        let Some((piece, guess)) = track.piece(stretch, first, length) else { continue };
         out.pieces.push(piece);
         out.guesses.push(guess);
-        out.known.push(is_known);
-        out.places.push(place);
+        out.known.push(known);
+        out.places.push((stretch, first));
     }
     out
 }
@@ -144,7 +179,7 @@ impl Model<'_> {
     /// measured over the noise, over the degrees of freedom that the fit of the initial state
     /// leaves. Windows in which the model has no solution are left out while they are few, and then
     /// count as their motion.
-    pub fn gap(&self, track: &Track<'_>, horizon_s: f64, held_out: &[Span]) -> f64 {
+    pub fn gap(&self, track: &Track<'_>, horizon_s: f64, held_out: &[Range]) -> f64 {
         let windows = windows(track, horizon_s, Part::HeldOut(held_out), MOST_WINDOWS);
         let values = (windows.length * track.sensors.len()) as f64;
         let states = 2.0 * self.motion.degrees_of_freedom() as f64;
@@ -178,15 +213,9 @@ impl Model<'_> {
     /// How long predictions from windows inside what was not fitted, whose states were fitted over
     /// the horizon, hold until a sensor is off by its tolerance: the median, s; nothing where the
     /// model has no solution. They run for `longest_s` at most.
-    pub fn holds_s(
-        &self,
-        track: &Track<'_>,
-        (horizon_s, held_out): (f64, &[Span]),
-        tolerance: &[f64],
-        longest_s: f64,
-    ) -> Option<f64> {
-        let windows = windows(track, horizon_s, Part::HeldOut(held_out), MOST_WINDOWS);
-        let (states, step_s) = self.states(track, &windows, horizon_s);
+    pub fn holds_s(&self, track: &Track<'_>, how: Predictions<'_>, tolerance: &[f64], longest_s: f64) -> Option<f64> {
+        let windows = windows(track, how.horizon_s, Part::HeldOut(how.held_out), MOST_WINDOWS);
+        let (states, step_s) = self.states(track, &windows, how.horizon_s);
         let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
         let problem = track.problem(self.motion, step_s, &at);
         let sensors = track.sensors.len().max(1);
@@ -220,12 +249,12 @@ impl Model<'_> {
     pub fn free(
         &self,
         track: &Track<'_>,
-        (horizon_s, held_out): (f64, &[Span]),
+        how: Predictions<'_>,
         span_s: f64,
         most: usize,
     ) -> Vec<((usize, usize), Vec<f64>)> {
-        let windows = windows(track, horizon_s, Part::HeldOut(held_out), most);
-        let (states, step_s) = self.states(track, &windows, horizon_s);
+        let windows = windows(track, how.horizon_s, Part::HeldOut(how.held_out), most);
+        let (states, step_s) = self.states(track, &windows, how.horizon_s);
         let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
         let problem = track.problem(self.motion, step_s, &at);
         let (sensors, count) = (track.sensors.len().max(1), (span_s / track.spacing_s).round() as usize + 1);
@@ -251,7 +280,7 @@ impl Model<'_> {
         let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
         let step_s = self.step_s.unwrap_or_else(|| step_of(self.motion, self.parameters, track, &piece, &guess));
         let problem = track.problem(self.motion, step_s, &at);
-        let length = ((horizon_s / track.spacing_s).round() as usize).max(8) + 1;
+        let length = samples(track, horizon_s);
         let mut room = problem.room(false);
         let head = problem.head(&piece, length);
         let (state, _) =

@@ -6,26 +6,21 @@
 
 use nalgebra::DVector;
 
+use super::axes;
 use super::given;
-use super::power::Power;
-use super::residual_map::{Axis, Map, Residual, Where, together};
+use super::power::{Power, Repeats};
+use super::residual_map::{Map, Residual, Where, together};
 use super::setting::{Lines, Setting};
 use super::state::State;
+use crate::effects::on_a_frame;
 use crate::effects::written::{balance_scale, balance_unit as unit_of};
-use crate::effects::{on_a_frame, places};
 use crate::identify::balance_error::strong_series;
-use crate::identify::noise_bias::REPEATS;
-use crate::identify::remeasured::{measure, smoothed};
-use crate::identify::series::System;
 use crate::identify::stretches::Stretch;
 use crate::identify::units::channel_units;
 use crate::model::model_file::Space;
-use crate::model::model_file::expression::{Function, Node, Symbol, add, call, multiply, number, symbol};
+use crate::model::model_file::expression::{Node, add, multiply, number};
 use crate::model::model_file::tape::Tape;
-use crate::model::model_file::weak_form::WeakForm;
 use crate::signal::spectrum;
-use crate::system::bodies::Body;
-use crate::system::derivative::by_time;
 use crate::system::mechanism::{Mechanism, at};
 use crate::system::polynomial::Polynomial;
 
@@ -57,44 +52,6 @@ fn residuals(setting: &Setting<'_>, state: &State, x: &DVector<f64>) -> Vec<Node
         }
     }
     out
-}
-
-/// Coordinates that residuals are looked at against.
-fn axes(setting: &Setting<'_>) -> (Vec<Axis>, Vec<Node>) {
-    let (mut axes, mut nodes): (Vec<Axis>, Vec<Node>) = (Vec::new(), Vec::new());
-    let Some(file) = setting.file() else { return (axes, nodes) };
-    let mut seen: Vec<Polynomial> = Vec::new();
-    let mut put = |axis: Axis, of: Node| {
-        axes.push(axis);
-        nodes.push(of);
-    };
-    for j in &file.joints {
-        let moves = &j.moves.value;
-        let angle = places::is_angle(file, moves);
-        let (x, unit) = if angle { (call(Function::Wrap, moves.node()), "rad") } else { (moves.node(), "m") };
-        put(Axis { name: format!("{} of {}", if angle { "angle" } else { "position" }, j.name), unit, turn: angle }, x);
-        if let Ok(rate) = by_time(moves, file.coordinates.len(), setting.rig.omega()) {
-            let unit = if angle { "rad/s" } else { "m/s" };
-            put(Axis { name: format!("velocity of {}", j.name), unit, turn: false }, rate.node());
-        }
-        seen.push(moves.clone());
-    }
-    for b in &file.bodies {
-        if let Body::Arm { name, angle: Some(angle), .. } = &b.value
-            && !seen.contains(angle)
-            && let Ok(rate) = by_time(angle, file.coordinates.len(), setting.rig.omega())
-        {
-            put(Axis { name: format!("velocity of {name}"), unit: "rad/s", turn: false }, rate.node());
-        }
-    }
-    if setting.rig.drive.is_some() {
-        put(
-            Axis { name: "drive phase".to_owned(), unit: "rad", turn: true },
-            call(Function::Wrap, symbol(Symbol::Tau)),
-        );
-    }
-    put(Axis { name: "time".to_owned(), unit: "s", turn: false }, symbol(Symbol::Time));
-    (axes, nodes)
 }
 
 /// Unit of what stands on the right-hand side of a written equation, in seconds.
@@ -206,8 +163,15 @@ fn scales(setting: &Setting<'_>, state: &State) -> Vec<(f64, String)> {
 
 /// Maps of all equations against all coordinates, and against frequency where the rows are known,
 /// and the places where they clearly disagree, largest first.
-pub fn maps(setting: &Setting<'_>, state: &State, x: &DVector<f64>, rows: Option<&Power>) -> (Vec<Map>, Vec<Where>) {
-    let (axes, nodes) = axes(setting);
+pub fn maps(
+    setting: &Setting<'_>,
+    state: &State,
+    x: &DVector<f64>,
+    repeats: &Repeats,
+    rows: Option<&Power>,
+) -> (Vec<Map>, Vec<Where>) {
+    let axes = axes::all(setting);
+    let nodes: Vec<Node> = axes.iter().map(|a| a.of.clone()).collect();
     let scales = scales(setting, state);
     let residuals: Vec<Node> =
         residuals(setting, state, x).into_iter().zip(&scales).map(|(r, s)| multiply(number(s.0), r)).collect();
@@ -219,15 +183,10 @@ pub fn maps(setting: &Setting<'_>, state: &State, x: &DVector<f64>, rows: Option
             stretches.iter().map(|s| strong_series(s, s.len(), &tape, kernels, &setting.circle)).collect();
         (0..tape.len()).map(|k| parts.iter().flat_map(|p| p[k].iter().copied()).collect()).collect()
     };
-    let Ok(weak) = WeakForm::new(setting.model(), setting.rig.omega(), &[]) else { return (Vec::new(), Vec::new()) };
-    let system = System { stretches: &state.stretches, weak: &weak, kernels, circle: &setting.circle };
-    let (truth, _) = smoothed(&system, &setting.geometry.windows);
-    let (values, clean) = (all(&state.stretches), all(&truth));
+    let (values, clean) = (all(&state.stretches), all(&repeats.truth));
     let mut noise: Vec<Vec<Vec<f64>>> = vec![Vec::new(); count];
-    for r in 0..REPEATS {
-        let measured: Vec<Stretch> =
-            truth.iter().enumerate().map(|(i, s)| measure(s, r, &setting.bound, &setting.sensors, i as u64)).collect();
-        let noisy = all(&measured);
+    for measured in &repeats.measured {
+        let noisy = all(measured);
         for (e, noise) in noise.iter_mut().enumerate() {
             noise.push(noisy[e].iter().zip(&clean[e]).map(|(a, b)| a - b).collect());
         }

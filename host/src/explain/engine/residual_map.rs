@@ -9,6 +9,7 @@ use core::f64::consts::{PI, TAU};
 
 use serde::Serialize;
 
+use super::axes::Axis;
 use crate::statistics::Z95;
 
 /// Bins of a map.
@@ -57,16 +58,6 @@ impl Map {
     pub fn of(&self, other: &Self) -> bool {
         self.equation == other.equation && self.against == other.against
     }
-}
-
-/// A coordinate that residuals are looked at against.
-pub struct Axis {
-    /// Name.
-    pub name: String,
-    /// Unit.
-    pub unit: &'static str,
-    /// Whether it runs from −π to π.
-    pub turn: bool,
 }
 
 /// The residual of an equation over a record, and what the sensors' noise adds to it over the

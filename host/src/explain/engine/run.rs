@@ -3,9 +3,9 @@
 
 use nalgebra::{DMatrix, DVector};
 
-use super::prediction::{Model, Span};
+use super::power::Repeats;
+use super::prediction::{Predictions, Range};
 use super::residual_map::{Map, Where};
-use super::search::named;
 use super::setting::Setting;
 use super::state::State;
 use super::{
@@ -14,7 +14,7 @@ use super::{
 };
 use crate::error::Result;
 use crate::explain::decidability::{EXPLAINED_GAP, Left};
-use crate::explain::explanation::{Details, Explanation, Step, Verdict};
+use crate::explain::explanation::{AtHorizon, Details, Explanation, Found, Step, Verdict};
 use crate::explain::{Settings, Undecidable, decidability, decision, ranking};
 use crate::identify::Identification;
 use crate::identify::stretches::Stretch;
@@ -29,6 +29,13 @@ const LONGER: [f64; 3] = [2.0, 4.0, 8.0];
 pub struct Run<'a> {
     /// The record and the system.
     pub setting: Setting<'a>,
+    /// What was found so far.
+    pub told: Told,
+}
+
+/// What is told so far, and the model that it is told of.
+#[derive(Clone)]
+pub struct Told {
     /// The model so far.
     pub state: State,
     /// What is told.
@@ -36,20 +43,10 @@ pub struct Run<'a> {
     /// Horizon of the gap, and the longest over which it is measured: a window, s.
     horizons: (f64, f64),
     /// What the coefficients that predictions are made with were not fitted to.
-    held_out: Vec<Span>,
+    held_out: Vec<Range>,
     /// The gap at longer horizons before anything was added.
     before: Vec<(f64, f64)>,
     /// The model before anything was added.
-    first: Option<First>,
-}
-
-/// What is told so far, and the model that it is told of.
-pub struct Told {
-    state: State,
-    result: Explanation,
-    horizons: (f64, f64),
-    held_out: Vec<Span>,
-    before: Vec<(f64, f64)>,
     first: Option<First>,
 }
 
@@ -89,43 +86,45 @@ impl<'a> Run<'a> {
             folds: ranking::FOLDS,
         };
         let horizons = (horizon_s, window_s);
-        Self { setting, state, result, horizons, held_out: Vec::new(), before: Vec::new(), first: None }
+        let told = Told { state, result, horizons, held_out: Vec::new(), before: Vec::new(), first: None };
+        Self { setting, told }
     }
 
     /// A search for the step would follow every jump of a law; an instant off by half of this
     /// changes nothing that sensors see. Where a period has few samples, the step between the
     /// points at which columns are integrated.
     fn step_s(&self) -> Option<f64> {
-        let shortest = self.setting.rig.drive.map_or(self.horizons.0, |d| 1.0 / d.frequency_hz);
+        let shortest = self.setting.rig.drive.map_or(self.told.horizons.0, |d| 1.0 / d.frequency_hz);
         self.setting.raw.first().map(|s| (s.step_s / self.setting.points() as f64).min(STEP * shortest))
     }
 
     /// The gap of the model with coefficients `x` at a horizon.
     fn gap_at(&self, x: &DVector<f64>, horizon_s: f64) -> f64 {
-        let Some((motion, parameters)) = self.state.motion(&self.setting, x) else { return f64::NAN };
-        let model = Model { motion: &motion, parameters: &parameters, step_s: self.step_s() };
-        self.state.on_track(&self.setting, |track| model.gap(track, horizon_s, &self.held_out))
+        let Some(moving) = self.told.state.motion(&self.setting, x) else { return f64::NAN };
+        let model = moving.model(self.step_s());
+        self.told.state.on_track(&self.setting, |track| model.gap(track, horizon_s, &self.told.held_out))
     }
 
     /// The gap at every horizon that it was measured over, in records that the model itself makes:
     /// counts that stand while the motion is slow are no white noise, and one more than the noise
     /// says is nothing then. Only where a gap is more than a right model's by noise.
     fn gaps_of_itself(&self, x: &DVector<f64>) -> Vec<(f64, f64)> {
-        let last = self.result.gap.steps.last().map(|s| (self.horizons.0, s.value));
+        let last = self.told.result.gap.steps.last().map(|s| (self.told.horizons.0, s.value));
         let all: Vec<(f64, f64)> =
-            last.into_iter().chain(self.result.gap.horizons.iter().map(|h| (h.0, h.2))).collect();
-        let Some(followed) = self.state.followed.as_ref().filter(|_| all.iter().any(|g| g.1 > EXPLAINED_GAP)) else {
+            last.into_iter().chain(self.told.result.gap.horizons.iter().map(|h| (h.horizon_s, h.after))).collect();
+        let Some(followed) = self.told.state.followed.as_ref().filter(|_| all.iter().any(|g| g.1 > EXPLAINED_GAP))
+        else {
             return Vec::new();
         };
-        let Some((motion, parameters)) = self.state.motion(&self.setting, x) else { return Vec::new() };
-        let model = Model { motion: &motion, parameters: &parameters, step_s: self.step_s() };
+        let Some(moving) = self.told.state.motion(&self.setting, x) else { return Vec::new() };
+        let model = moving.model(self.step_s());
         let made = |repeat| State {
-            stretches: shooting::remade_record(&self.setting, &self.state, followed, repeat),
-            ..self.state.clone()
+            stretches: shooting::remade_record(&self.setting, &self.told.state, followed, repeat),
+            ..self.told.state.clone()
         };
         let records: Vec<State> = (0..shooting::RECORDS).map(made).collect();
         let mean = |horizon_s: f64| {
-            let of = |r: &State| r.on_track(&self.setting, |track| model.gap(track, horizon_s, &self.held_out));
+            let of = |r: &State| r.on_track(&self.setting, |track| model.gap(track, horizon_s, &self.told.held_out));
             records.iter().map(of).sum::<f64>() / records.len() as f64
         };
         all.into_iter().map(|(horizon_s, _)| (horizon_s, mean(horizon_s))).collect()
@@ -133,42 +132,50 @@ impl<'a> Run<'a> {
 
     /// The gap of the model where it was not fitted.
     pub fn gap(&mut self, outcome: &Outcome) -> f64 {
-        self.held_out = outcome.held_out(&self.setting);
-        self.gap_at(&outcome.fit.train, self.horizons.0)
+        self.told.held_out = outcome.held_out(&self.setting);
+        self.gap_at(&outcome.fit.train, self.told.horizons.0)
     }
 
     /// The same at longer horizons.
     fn longer(&self, x: &DVector<f64>) -> Vec<(f64, f64)> {
-        let all = LONGER.iter().map(|f| f * self.horizons.0).filter(|h| *h <= self.horizons.1);
+        let all = LONGER.iter().map(|f| f * self.told.horizons.0).filter(|h| *h <= self.told.horizons.1);
         all.map(|h| (h, self.gap_at(x, h))).collect()
     }
 
+    fn predictions(&self) -> Predictions<'_> {
+        let Told { horizons: (horizon_s, longest_s), held_out, .. } = &self.told;
+        Predictions { horizon_s: *horizon_s, longest_s: *longest_s, held_out, step_s: self.step_s() }
+    }
+
     fn attractor(&mut self, x: &DVector<f64>) {
-        let part = (self.horizons.0, &self.held_out[..]);
-        let found = attractor::measure(&self.setting, &self.state, x, part, self.step_s());
-        self.result.gap.attractor.extend(found);
+        let found = attractor::measure(&self.setting, &self.told.state, x, self.predictions());
+        self.told.result.gap.attractor.extend(found);
     }
 
     /// Measures a model that was given as it is.
     pub fn as_given(&mut self) {
-        let x = given::coefficients(&self.state);
+        let x = given::coefficients(&self.told.state);
         // It was not fitted to any of this record.
-        self.held_out = (0..self.setting.raw.len()).map(|k| [k, 0, self.setting.raw[k].len()]).collect();
-        let value = self.gap_at(&x, self.horizons.0);
-        self.result.gap.steps.push(Step { added: None, value });
+        let raw = self.setting.raw.iter().enumerate();
+        self.told.held_out = raw.map(|(stretch, s)| Range { stretch, begin: 0, end: s.len() }).collect();
+        let value = self.gap_at(&x, self.told.horizons.0);
+        self.told.result.gap.steps.push(Step { added: None, value });
         self.forecast(None, Some(&x));
     }
 
-    fn forecast(&mut self, added: Option<String>, x: Option<&DVector<f64>>) {
-        let from = (added, self.horizons.0, self.step_s());
-        forecast::measure(&self.setting, &self.state, x, from, &mut self.result.gap.forecasts);
+    fn forecast(&mut self, added: Option<&String>, x: Option<&DVector<f64>>) {
+        let mut all = core::mem::take(&mut self.told.result.gap.forecasts);
+        forecast::measure(&self.setting, &self.told.state, x, added, self.predictions(), &mut all);
+        self.told.result.gap.forecasts = all;
     }
 
     /// Where model and record disagree: maps, and the clearest places.
     fn places(&self, outcome: &Outcome) -> (Vec<Map>, Vec<Where>) {
+        let (setting, state) = (&self.setting, &self.told.state);
+        let Ok(repeats) = Repeats::of(setting, state) else { return (Vec::new(), Vec::new()) };
         // What the rows cannot hold has no map against frequency.
-        let rows = outcome.rows(&self.setting, &self.state).ok();
-        residual::maps(&self.setting, &self.state, &outcome.fit.all, rows.as_ref())
+        let rows = outcome.rows(setting, state, &repeats).ok();
+        residual::maps(setting, state, &outcome.fit.all, &repeats, rows.as_ref())
     }
 
     /// Measures the model after a step, of which the gap is known.
@@ -176,18 +183,18 @@ impl<'a> Run<'a> {
     /// # Errors
     /// Columns that the weak form cannot hold.
     pub fn push(&mut self, added: Option<String>, gap: f64, outcome: &Outcome) -> Result<()> {
-        self.result.gap.steps.push(Step { added: added.clone(), value: gap });
-        let x = forecast::fitted(&self.state, outcome);
-        self.forecast(added.clone(), x.as_ref());
-        self.result.residual_power[1] = outcome.power(&self.setting, &self.state)?;
-        if self.result.effects.is_empty() {
-            self.result.residual_power[0] = self.result.residual_power[1];
-            (self.result.maps, self.result.r#where) = self.places(outcome);
+        self.told.result.gap.steps.push(Step { added: added.clone(), value: gap });
+        let x = forecast::fitted(&self.told.state, outcome);
+        self.forecast(added.as_ref(), x.as_ref());
+        self.told.result.residual_power[1] = outcome.power(&self.setting, &self.told.state)?;
+        if self.told.result.effects.is_empty() {
+            self.told.result.residual_power[0] = self.told.result.residual_power[1];
+            (self.told.result.maps, self.told.result.r#where) = self.places(outcome);
             let fit = (outcome.fit.all.clone(), outcome.covariance(), outcome.fit.train.clone());
-            self.first = Some(First { state: self.state.clone(), fit, powers: outcome.powers() });
-            self.before = self.longer(&outcome.fit.train);
+            self.told.first = Some(First { state: self.told.state.clone(), fit, powers: outcome.powers() });
+            self.told.before = self.longer(&outcome.fit.train);
             self.attractor(&outcome.fit.train);
-            simulation::measure(&self.setting, &self.state, outcome, added, &mut self.result.simulation);
+            simulation::measure(&self.setting, &self.told.state, outcome, added, &mut self.told.result.simulation);
         }
         Ok(())
     }
@@ -197,45 +204,25 @@ impl<'a> Run<'a> {
     /// # Errors
     /// As [`Run::push`].
     pub fn tell_again(&mut self, outcome: &Outcome) -> Result<()> {
-        let Some(followed) = &self.state.followed else { return Ok(()) };
+        let Some(followed) = &self.told.state.followed else { return Ok(()) };
         let window_s = followed.windows(&self.setting).1;
-        self.horizons.1 = window_s;
-        self.result.details.window_s = window_s;
-        if !self.result.effects.is_empty() {
+        self.told.horizons.1 = window_s;
+        self.told.result.details.window_s = window_s;
+        if !self.told.result.effects.is_empty() {
             return self.tell_last(outcome);
         }
-        let added = self.result.gap.steps.last().and_then(|s| s.added.clone());
-        self.result.steps().for_each(|steps| drop(steps.pop()));
-        self.result.gap.attractor.clear();
+        let added = self.told.result.gap.steps.last().and_then(|s| s.added.clone());
+        self.told.result.steps().for_each(|steps| drop(steps.pop()));
+        self.told.result.gap.attractor.clear();
         let gap = self.gap(outcome);
         self.push(added, gap, outcome)
     }
 
-    /// What is told so far.
-    pub fn clone_told(&self) -> Told {
-        let Self { state, result, horizons, held_out, before, first, .. } = self;
-        Told {
-            state: state.clone(),
-            result: result.clone(),
-            horizons: *horizons,
-            held_out: held_out.clone(),
-            before: before.clone(),
-            first: first.clone(),
-        }
-    }
-
-    /// Takes what was told before.
-    pub fn take_told(&mut self, told: Told) {
-        let Told { state, result, horizons, held_out, before, first } = told;
-        (self.state, self.result, self.horizons, self.held_out) = (state, result, horizons, held_out);
-        (self.before, self.first) = (before, first);
-    }
-
     /// Goes back to the model before anything was added; false where there is none.
     pub fn begin_again(&mut self) -> bool {
-        let Some(first) = &self.first else { return false };
-        self.state = first.state.clone();
-        let result = &mut self.result;
+        let Some(first) = &self.told.first else { return false };
+        self.told.state = first.state.clone();
+        let result = &mut self.told.result;
         (result.effects, result.ranking, result.refused) = (Vec::new(), Vec::new(), Vec::new());
         result.steps().for_each(|steps| steps.truncate(1));
         true
@@ -247,26 +234,26 @@ impl<'a> Run<'a> {
     /// As [`Run::push`].
     pub fn tell_last(&mut self, outcome: &Outcome) -> Result<()> {
         let value = self.gap(outcome);
-        let last = self.result.gap.steps.pop().and_then(|s| s.added);
-        self.result.gap.steps.push(Step { added: last.clone(), value });
-        self.result.gap.forecasts.iter_mut().for_each(|f| drop(f.steps.pop()));
-        let x = forecast::fitted(&self.state, outcome);
-        self.forecast(last, x.as_ref());
-        self.result.residual_power[1] = outcome.power(&self.setting, &self.state)?;
+        let last = self.told.result.gap.steps.pop().and_then(|s| s.added);
+        self.told.result.gap.steps.push(Step { added: last.clone(), value });
+        self.told.result.gap.forecasts.iter_mut().for_each(|f| drop(f.steps.pop()));
+        let x = forecast::fitted(&self.told.state, outcome);
+        self.forecast(last.as_ref(), x.as_ref());
+        self.told.result.residual_power[1] = outcome.power(&self.setting, &self.told.state)?;
         Ok(())
     }
 
     /// What the first model has beside the last one with coefficients `x`: its parameters, and
     /// predictions of the same seconds by both.
     fn compare(&mut self, identified: &Identification, x: &DVector<f64>) {
-        let Some(First { state, fit, .. }) = self.first.take() else { return };
-        let mut told = Explanation::new(self.horizons.0, Vec::new());
+        let Some(First { state, fit, .. }) = self.told.first.take() else { return };
+        let mut told = Explanation::new(self.told.horizons.0, Vec::new());
         tell::parameters(&self.setting, &state, (&fit.0, &fit.1), identified, &mut told);
-        self.result.parameters_before = told.parameters;
-        let after = (!self.result.effects.is_empty()).then_some((&self.state, x));
-        let holds_s = self.result.gap.attractor.last().map(|a| a.prediction_horizon_s);
-        let how = (self.horizons, &self.held_out[..], self.step_s());
-        self.result.prediction = compared::compare(&self.setting, (&state, &fit.2), after, how, holds_s);
+        self.told.result.parameters_before = told.parameters;
+        let after = (!self.told.result.effects.is_empty()).then_some((&self.told.state, x));
+        let holds_s = self.told.result.gap.attractor.last().map(|a| a.prediction_horizon_s);
+        let (before, how) = ((&state, &fit.2), self.predictions());
+        self.told.result.prediction = compared::compare(&self.setting, before, after, how, holds_s);
     }
 
     /// Takes windows that are not followed even in the model's own records out of the power of what
@@ -280,8 +267,8 @@ impl<'a> Run<'a> {
         };
         let Some(after) = over(&outcome.powers()).filter(|_| out > 0) else { return 0 };
         // The first model's windows may be others.
-        let before = self.first.as_ref().and_then(|f| over(&f.powers));
-        self.result.residual_power = [before.unwrap_or(self.result.residual_power[0]), after];
+        let before = self.told.first.as_ref().and_then(|f| over(&f.powers));
+        self.told.result.residual_power = [before.unwrap_or(self.told.result.residual_power[0]), after];
         out
     }
 
@@ -294,7 +281,7 @@ impl<'a> Run<'a> {
     /// The verdict, and everything that is told of the last model.
     ///
     /// # Errors
-    /// As [`Run::push`]; a model file that is no longer readable.
+    /// As [`Run::push`]; a model file that cannot be read.
     pub fn finish(
         mut self,
         outcome: &Outcome,
@@ -302,25 +289,27 @@ impl<'a> Run<'a> {
         undecidable: Option<Undecidable>,
     ) -> Result<Explanation> {
         let x = &outcome.fit.train;
-        self.held_out = outcome.held_out(&self.setting);
-        let none = self.result.effects.is_empty();
-        let after = if none { self.before.clone() } else { self.longer(x) };
-        self.result.gap.horizons = self.before.iter().zip(&after).map(|(b, a)| (b.0, b.1, a.1)).collect();
+        self.told.held_out = outcome.held_out(&self.setting);
+        let none = self.told.result.effects.is_empty();
+        let after = if none { self.told.before.clone() } else { self.longer(x) };
+        let both = self.told.before.iter().zip(&after);
+        let of = |(b, a): (&(f64, f64), &(f64, f64))| AtHorizon { horizon_s: b.0, before: b.1, after: a.1 };
+        self.told.result.gap.horizons = both.map(of).collect();
         if !none {
             self.attractor(x);
             let after = self.places(outcome);
-            self.result.maps_before = core::mem::replace(&mut self.result.maps, after.0);
-            self.result.where_before = core::mem::replace(&mut self.result.r#where, after.1);
-            let added = self.result.effects.last().map(named);
-            simulation::measure(&self.setting, &self.state, outcome, added, &mut self.result.simulation);
+            self.told.result.maps_before = core::mem::replace(&mut self.told.result.maps, after.0);
+            self.told.result.where_before = core::mem::replace(&mut self.told.result.r#where, after.1);
+            let added = self.told.result.effects.last().map(Found::name);
+            simulation::measure(&self.setting, &self.told.state, outcome, added, &mut self.told.result.simulation);
         }
         let by_shooting = outcome.evidence.is_shooting();
-        let remade = by_shooting.then(|| shooting::remade(&self.setting, &self.state)).flatten();
+        let remade = by_shooting.then(|| shooting::remade(&self.setting, &self.told.state)).flatten();
         let left_out = remade.as_ref().map_or(0, |r| self.leave_out(outcome, &r.follows));
         self.compare(first, x);
         let gaps = self.gaps_of_itself(x);
         let noisy = if remade.as_ref().is_some_and(|r| r.of_inputs) { self.noisy_inputs() } else { Vec::new() };
-        let Self { setting, state, mut result, .. } = self;
+        let Self { setting, told: Told { state, mut result, .. } } = self;
         tell::parameters(&setting, &state, (&outcome.fit.all, &outcome.covariance()), first, &mut result);
         let shape = (by_shooting && undecidable.is_none()).then(|| unknown::shape(&setting, &state, outcome)).flatten();
         let rest = Left {

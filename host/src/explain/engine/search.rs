@@ -30,11 +30,6 @@ const LEAST_KEPT: f64 = 0.5;
 /// than noise has to fall: of 332 records three had an effect with which it did not, all wrong.
 const FARTHER: f64 = 1.05;
 
-/// `ID@PLACE` of a found effect.
-pub fn named(f: &Found) -> String {
-    format!("{}@{}", f.id, f.at)
-}
-
 impl Run<'_> {
     /// Adds effects until nothing more is supported, none where nothing can be decided, and takes
     /// away those that are nothing beside the others: what had stood in for another makes room for
@@ -51,7 +46,7 @@ impl Run<'_> {
         if undecidable {
             return Ok(outcome);
         }
-        let kept = self.clone_told();
+        let kept = self.told.clone();
         let Some(longer) = self.followed_on()? else { return Ok(outcome) };
         let mut again = self.added(&mut search, most, None, Some(longer))?;
         again = self.cleared(&mut search, most, again)?;
@@ -61,7 +56,7 @@ impl Run<'_> {
         if self.is_followed(&again)? {
             return Ok(again);
         }
-        self.take_told(kept);
+        self.told = kept;
         self.setting.blocks = shooting::BLOCKS;
         Ok(outcome)
     }
@@ -94,43 +89,43 @@ impl Run<'_> {
                     None => continue,
                 }
             }
-            let candidates = offered::candidates(&self.setting, &self.state);
-            let begun = self.result.effects.is_empty().then(|| self.state.clone());
-            let outcome = refit(&self.setting, &mut self.state, candidates);
+            let candidates = offered::candidates(&self.setting, &self.told.state);
+            let begun = self.told.result.effects.is_empty().then(|| self.told.state.clone());
+            let outcome = refit(&self.setting, &mut self.told.state, candidates);
             if let (true, true, Some(begun)) = (outcome.is_err(), self.setting.shooting, begun) {
                 // What no window can be followed in is left to the balance of forces.
-                (self.setting.shooting, self.state) = (false, begun);
+                (self.setting.shooting, self.told.state) = (false, begun);
                 continue;
             }
             let gap = outcome.as_ref().map_or(f64::NAN, |o| self.gap(o));
-            let kept =
-                self.result.effects.is_empty() || search.keeps(&self.state, outcome.as_ref().ok(), gap, &self.result);
+            let kept = self.told.result.effects.is_empty()
+                || search.keeps(&self.told.state, outcome.as_ref().ok(), gap, &self.told.result);
             let outcome = match (kept, search.kept.take()) {
                 (false, Some(before)) => {
-                    let sharpened = self.state.chosen.last().is_some_and(|c| c.candidate.is_sharpened);
+                    let is_moved = self.told.state.chosen.last().is_some_and(|c| c.candidate.is_moved);
                     let exchanged = before.gone.is_some();
-                    let refused = self.result.effects.last().cloned();
-                    (self.result.effects, self.state) = (before.effects, before.state);
-                    if sharpened && !exchanged {
-                        self.state.unmoved.extend(refused.as_ref().map(named));
+                    let refused = self.told.result.effects.last().cloned();
+                    (self.told.result.effects, self.told.state) = (before.effects, before.state);
+                    if is_moved && !exchanged {
+                        self.told.state.moved_in_vain.extend(refused.as_ref().map(Found::name));
                     } else {
                         search.refuse(refused.as_ref(), exchanged);
                     }
                     if !self.setting.shooting {
-                        self.result.refused.extend(core::mem::take(&mut search.refused));
+                        self.told.result.refused.extend(core::mem::take(&mut search.refused));
                         return Ok(before.outcome);
                     }
                     before.outcome
                 }
                 (_, before) => {
                     let outcome = outcome?;
-                    let added = self.result.effects.last().map(named).or_else(|| refitted.cloned());
+                    let added = self.told.result.effects.last().map(Found::name).or_else(|| refitted.cloned());
                     self.push(added, gap, &outcome)?;
                     // Beside another effect what was no better may be.
                     search.vain.clear();
                     search.try_again();
                     if let Some(gone) = before.and_then(|b| b.gone) {
-                        self.result.forget(&gone);
+                        self.told.result.forget(&gone);
                     }
                     outcome
                 }
@@ -144,7 +139,7 @@ impl Run<'_> {
     /// Puts the next effect into the model, or another in the place of one that was found; the
     /// outcome as it is where nothing more is supported.
     fn next(&mut self, search: &mut Search, outcome: Outcome, most: usize) -> Option<Outcome> {
-        let effects = self.result.effects.clone();
+        let effects = self.told.result.effects.clone();
         // What was found while others were missing may have stood in for them.
         if let Some((candidate, promised, gone)) = self.exchanged(search, &outcome) {
             self.join(search, candidate, outcome, effects, promised, Some(gone));
@@ -153,32 +148,32 @@ impl Run<'_> {
         if effects.len() >= most {
             return Some(outcome);
         }
-        let next = choose(&self.setting, &self.state, &outcome, search, &mut self.result);
-        self.result.refused.extend(search.refused.iter().cloned());
+        let next = choose(&self.setting, &self.told.state, &outcome, search, &mut self.told.result);
+        self.told.result.refused.extend(search.refused.iter().cloned());
         let next = next.or_else(|| self.tone(search, &outcome));
         let Some((found, candidate)) = next else { return Some(outcome) };
         let promised = found.held_out_gain;
-        self.result.effects.push(found);
+        self.told.result.effects.push(found);
         self.join(search, candidate, outcome, effects, promised, None);
         None
     }
 
     /// A force in the laboratory's time, where nothing else is supported.
     fn tone(&mut self, search: &Search, outcome: &Outcome) -> Option<(Found, Candidate)> {
-        let (candidates, tests) = tones::candidates(&self.setting, &self.state, outcome);
+        let (candidates, tests) = tones::candidates(&self.setting, &self.told.state, outcome);
         let further: Vec<&Candidate> = candidates.iter().collect();
         if further.is_empty() {
             return None;
         }
-        let blocks = shooting::evidence(&self.setting, &self.state, &further, false, &[])?;
+        let blocks = shooting::evidence(&self.setting, &self.told.state, &further, false, &[])?;
         let (own, fit) = (outcome.own.clone(), outcome.fit.clone());
         let outcome = Outcome { candidates, evidence: Evidence::Shooting(blocks), own, fit };
-        let told = (self.result.ranking.clone(), self.result.refused.clone());
-        let next = choose(&self.setting, &self.state, &outcome, search, &mut self.result);
+        let told = (self.told.result.ranking.clone(), self.told.result.refused.clone());
+        let next = choose(&self.setting, &self.told.state, &outcome, search, &mut self.told.result);
         // The frequency was the best of many.
         let next = next.filter(|(found, _)| found.p_value * tests < OF_A_FAMILY);
         if next.is_none() {
-            (self.result.ranking, self.result.refused) = told;
+            (self.told.result.ranking, self.told.result.refused) = told;
         }
         next
     }
@@ -194,17 +189,17 @@ impl Run<'_> {
         promised: f64,
         gone: Option<Gone>,
     ) {
-        let mut state = self.state.clone();
+        let mut state = self.told.state.clone();
         if let Some(gone) = &gone {
             let _ = state.chosen.remove(gone.index);
         }
-        state.chosen.push(Chosen::new(&self.setting, candidate, &self.state.physical));
+        state.chosen.push(Chosen::new(&self.setting, candidate, &self.told.state.physical));
         if let Some(gone) = &gone {
             // From nothing the windows would be led astray, where what goes is most of what moves them.
             let x = gone.fit.clone().resize_vertically(state.own_columns(), 0.0);
             state.take(&self.setting, &x);
         }
-        let state = core::mem::replace(&mut self.state, state);
+        let state = core::mem::replace(&mut self.told.state, state);
         search.kept = Some(Before { state, outcome, effects, promised, gone: gone.map(|g| g.name) });
     }
 
@@ -215,15 +210,15 @@ impl Run<'_> {
             return None;
         }
         // One that was refused beside a model which lacked others may be right in the place of one.
-        let taken = |c: &Candidate| search.has(&self.setting, &self.state, c, &search.vain);
+        let taken = |c: &Candidate| search.has(&self.setting, &self.told.state, c, &search.vain);
         let Exchange { gone, index, fit, p_value, promised, share, twins } =
-            exchange::best(&self.setting, &self.state, outcome, &taken, &self.result.effects)?;
+            exchange::best(&self.setting, &self.told.state, outcome, &taken, &self.told.result.effects)?;
         search.exchanges += 1;
         let candidate = outcome.candidates[index].clone();
-        let old = named(&self.result.effects.remove(gone - self.state.nominal));
-        let found = tell_of(&self.setting, &self.state, &candidate, &fit);
+        let old = self.told.result.effects.remove(gone - self.told.state.nominal).name();
+        let found = tell_of(&self.setting, &self.told.state, &candidate, &fit);
         let found = Found { p_value, held_out_gain: share, indistinguishable_from: twins, ..found };
-        self.result.effects.push(found);
+        self.told.result.effects.push(found);
         Some((candidate, promised, Gone { index: gone, name: old, fit: fit.all }))
     }
 
@@ -231,30 +226,29 @@ impl Run<'_> {
     /// that would not be taken now. Also whether there were any.
     fn without_traces(&mut self, search: &mut Search, mut outcome: Outcome) -> Result<(Outcome, bool)> {
         let mut any = false;
-        while let Some((k, limit)) = without_trace(&self.setting, &self.state, &outcome) {
-            let kept = (self.clone_told(), any);
+        while let Some((k, limit)) = without_trace(&self.setting, &self.told.state, &outcome) {
+            let kept = (self.told.clone(), any);
             any = true;
-            let of_many = if is_of_many(&self.state.chosen.remove(k).candidate) { "frequencies" } else { "forms" };
+            let of_many = if is_of_many(&self.told.state.chosen.remove(k).candidate) { "frequencies" } else { "forms" };
             let why = format!(
                 "beside the other effects its strength is within {limit:.1} standard errors of nothing, as the best of so many {of_many} may be by chance"
             );
-            let gone = named(&self.result.effects.remove(k - self.state.nominal));
+            let gone = self.told.result.effects.remove(k - self.told.state.nominal).name();
             let refused = Refused::new(&gone, why);
             // It is not tried again beside whatever takes its place.
-            let name = (refused.id.clone(), refused.at.clone());
-            search.tried.extend([name.clone(), name]);
-            self.result.refused.push(refused.clone());
+            search.tried.extend([gone.clone(), gone.clone()]);
+            self.told.result.refused.push(refused.clone());
             search.refused.push(refused);
-            self.state.stretches = self.state.taken_off(&self.setting, &self.setting.raw);
-            let candidates = offered::candidates(&self.setting, &self.state);
-            let Ok(without) = refit(&self.setting, &mut self.state, candidates) else {
+            self.told.state.stretches = self.told.state.taken_off(&self.setting, &self.setting.raw);
+            let candidates = offered::candidates(&self.setting, &self.told.state);
+            let Ok(without) = refit(&self.setting, &mut self.told.state, candidates) else {
                 // What cannot be fitted without it stays.
                 let _ = search.refused.pop();
-                self.take_told(kept.0);
+                self.told = kept.0;
                 return Ok((outcome, kept.1));
             };
             outcome = without;
-            self.result.forget(&gone);
+            self.told.result.forget(&gone);
             self.tell_last(&outcome)?;
         }
         Ok((outcome, any))
@@ -288,7 +282,7 @@ pub(super) struct Search {
     /// Effects that did not keep what they promised.
     refused: Vec<Refused>,
     /// Effects and places that were tried in vain, each as often as it was.
-    tried: Vec<(String, String)>,
+    tried: Vec<String>,
     kept: Option<Before>,
     /// Effects that were no better in the place of another.
     vain: Vec<String>,
@@ -299,37 +293,37 @@ pub(super) struct Search {
 impl Search {
     /// Lets effects in again that were refused once.
     fn try_again(&mut self) {
-        let twice = |r: &Refused| self.tried.iter().filter(|t| **t == (r.id.clone(), r.at.clone())).count() > 1;
-        self.refused.retain(twice);
+        let times = |name: &str| self.tried.iter().filter(|t| *t == name).count();
+        self.refused.retain(|r| times(&r.name()) > 1);
     }
 
     fn refuse(&mut self, found: Option<&Found>, exchanged: bool) {
         if exchanged {
-            self.vain.extend(found.map(named));
+            self.vain.extend(found.map(Found::name));
             return;
         }
         let why = "with it in the model predictions come no nearer to the record than without it";
-        self.refused.extend(found.map(|f| Refused::new(&named(f), why.to_owned())));
-        self.tried.extend(found.map(|f| (f.id.clone(), f.at.clone())));
+        self.refused.extend(found.map(|f| Refused::new(&f.name(), why.to_owned())));
+        self.tried.extend(found.map(Found::name));
     }
 
     /// `ID@PLACE` of what was refused.
     pub(super) fn names(&self) -> Vec<String> {
-        self.refused.iter().map(|r| format!("{}@{}", r.id, r.at)).collect()
+        self.refused.iter().map(Refused::name).collect()
     }
 
     /// Whether a candidate is in the model or among some names, or its form was refused.
     pub(super) fn has(&self, setting: &Setting<'_>, state: &State, c: &Candidate, names: &[String]) -> bool {
         let name = c.name(setting);
         let is_chosen = state.chosen.iter().any(|k| k.candidate.name(setting) == name);
-        is_chosen || names.contains(&name) || c.is_sharpened && state.unmoved.contains(&name)
+        is_chosen || names.contains(&name) || c.is_moved && state.moved_in_vain.contains(&name)
     }
 
     /// Whether the last effect stays: a wrong model makes many look significant, each must also
     /// bring predictions nearer.
     fn keeps(&self, state: &State, after: Option<&Outcome>, gap: f64, result: &Explanation) -> bool {
         let (Some(before), Some(after)) = (&self.kept, after) else { return false };
-        let is_sharpened = before.gone.is_none() && state.chosen.last().is_some_and(|c| c.candidate.is_sharpened);
+        let is_moved = before.gone.is_none() && state.chosen.last().is_some_and(|c| c.candidate.is_moved);
         // What is left over longer windows is more; the model before could not be followed there.
         let length = |s: &State| s.followed.as_ref().map_or(0, Followed::samples);
         if before.promised > 0.0 && length(state) > length(&before.state) {
@@ -343,7 +337,7 @@ impl Search {
         match (before.outcome.left(), after.left()) {
             (Some(b), Some(a)) if before.promised < 0.0 => a <= (1.0 - before.promised) * b,
             // Of the noise's power 1 is left where nothing is missing.
-            (Some(b), Some(a)) if is_sharpened => a - 1.0 < LEFT_BY_MOVED * (b - 1.0).max(0.0),
+            (Some(b), Some(a)) if is_moved => a - 1.0 < LEFT_BY_MOVED * (b - 1.0).max(0.0),
             (Some(b), Some(a)) => a < (1.0 - LEAST_KEPT * before.promised) * b,
             _ => gap <= (1.0 - LEAST_PROGRESS) * previous || previous <= EXPLAINED_GAP,
         }

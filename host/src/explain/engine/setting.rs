@@ -11,8 +11,7 @@ use rayon::prelude::*;
 
 pub use self::parameters::{Own, Physical};
 use self::parameters::{of_equations, of_identification};
-pub use self::sized::Lines;
-use self::sized::with_lines;
+pub use self::sized::{Lines, with_lines};
 use super::candidates::{Candidate, Column};
 use super::memory;
 use super::shooting::{BLOCKS, MOST_SAMPLES, signs};

@@ -11,14 +11,13 @@ use nalgebra::DVector;
 use serde::Serialize;
 
 use super::evidence::Outcome;
-use super::free_run::{self, Span};
+use super::free_run::{self, Split};
 use super::setting::Setting;
 use super::shooting::signs;
-use super::state::State;
+use super::state::{Moving, State};
 use super::units::Unit;
 use crate::explain::explanation::Step;
 use crate::identify::track::Track;
-use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
 /// Shares of the record that simulations are fitted to.
 const FITTED: [f64; 2] = [2.0 / 3.0, 0.75];
@@ -60,19 +59,16 @@ pub fn open(setting: &Setting<'_>) -> Vec<Simulation> {
 /// A model as it is simulated: of the record of the longest stretch.
 struct Simulated {
     stretch: usize,
-    motion: EquationsOfMotion,
-    parameters: Vec<f64>,
+    moving: Moving,
     /// Sign of each parameter: 0 either, NaN as it is.
     signs: Vec<f64>,
-    /// States of effects in it that remember.
-    hidden: Vec<usize>,
 }
 
 impl Simulated {
     fn new(setting: &Setting<'_>, state: &State, x: &DVector<f64>) -> Option<Self> {
         let stretch = (0..state.stretches.len()).max_by_key(|&k| (state.stretches[k].len(), usize::MAX - k))?;
         let record = setting.record_of.get(stretch).copied().unwrap_or(0);
-        let (motion, parameters, hidden) = state.free_motion_of(setting, x, record)?;
+        let moving = state.free_motion_of(setting, x, record)?;
         let own = setting.model().coefficients();
         let kept = setting.own.coefficients(&setting.signs, record);
         let sign_of = |name: &String| -> f64 {
@@ -88,8 +84,8 @@ impl Simulated {
             }
             signs::of(&chosen.candidate).get(j).copied().unwrap_or(0.0)
         };
-        let signs: Vec<f64> = motion.coefficients().iter().map(sign_of).collect();
-        Some(Self { stretch, motion, parameters, signs, hidden })
+        let signs: Vec<f64> = moving.equations.coefficients().iter().map(sign_of).collect();
+        Some(Self { stretch, moving, signs })
     }
 }
 
@@ -100,8 +96,9 @@ pub fn left_of_whole(setting: &Setting<'_>, state: &State, outcome: &Outcome) ->
     if setting.rig.drive.is_some() || !setting.bound.inputs.is_empty() {
         return None;
     }
-    let Simulated { stretch, motion, parameters, signs, hidden } = Simulated::new(setting, state, &outcome.fit.all)?;
-    let left = |t: &Track<'_>| free_run::left_of_stretch(&motion, &parameters, &signs, t, stretch);
+    let Simulated { stretch, moving, signs } = Simulated::new(setting, state, &outcome.fit.all)?;
+    let Moving { equations, parameters, hidden } = moving;
+    let left = |t: &Track<'_>| free_run::left_of_stretch(&equations, &parameters, &signs, t, stretch);
     state.on_free_track(setting, hidden, left)
 }
 
@@ -111,10 +108,10 @@ pub fn measure(setting: &Setting<'_>, state: &State, outcome: &Outcome, added: O
         return;
     }
     let Some(simulated) = Simulated::new(setting, state, &outcome.fit.all) else { return };
-    let Simulated { stretch, motion, parameters, signs, hidden } = simulated;
+    let Simulated { stretch, moving: Moving { equations, parameters, hidden }, signs } = simulated;
     let record = setting.record_of.get(stretch).copied().unwrap_or(0);
     let own = setting.model().coefficients();
-    let names = motion.coefficients();
+    let names = equations.coefficients();
     let unit = Unit::of(setting.rig, setting.whole);
     let told_name = |name: &String| -> String {
         let chosen = name.split_once(' ').and_then(|(a, b)| Some((state.chosen.get(a.parse::<usize>().ok()?)?, b)));
@@ -126,13 +123,13 @@ pub fn measure(setting: &Setting<'_>, state: &State, outcome: &Outcome, added: O
     let samples = state.stretches[stretch].len();
     let window = state.followed.as_ref().map_or(samples / 8, |f| f.samples());
     for simulation in all {
-        let span = Span { stretch, fitted: (simulation.fitted * samples as f64) as usize, end: samples };
-        let by_windows = outcome.until(stretch, span.fitted).and_then(|x| {
-            let (motion, parameters, hidden) = state.free_motion_of(setting, &x, record)?;
-            let run = |t: &Track<'_>| free_run::run(&motion, &parameters, t, span, window);
+        let split = Split { stretch, fitted: (simulation.fitted * samples as f64) as usize, end: samples };
+        let by_windows = outcome.until(stretch, split.fitted).and_then(|x| {
+            let Moving { equations, parameters, hidden } = state.free_motion_of(setting, &x, record)?;
+            let run = |t: &Track<'_>| free_run::run(&equations, &parameters, t, split, window);
             state.on_free_track(setting, hidden, run).map(|error| (parameters, error))
         });
-        let simulate = |t: &Track<'_>| free_run::simulate(&motion, &parameters, &signs, t, span);
+        let simulate = |t: &Track<'_>| free_run::simulate(&equations, &parameters, &signs, t, split);
         let found = by_windows.or_else(|| state.on_free_track(setting, hidden.clone(), simulate));
         let value = found.as_ref().map_or(f64::NAN, |(_, error)| error * unit.factor);
         simulation.steps.push(Step { added: added.clone(), value });

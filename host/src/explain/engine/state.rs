@@ -6,6 +6,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use super::candidates::Candidate;
+use super::prediction::Model;
 use super::relaxation::Relaxation;
 use super::setting::{Physical, Setting};
 use super::shooting::Followed;
@@ -42,6 +43,14 @@ impl Chosen {
         Self { strengths: vec![0.0; candidate.strengths()], candidate }
     }
 
+    /// Its strengths by a fit whose columns of them begin at `at`: those of an effect that is
+    /// applied to the data are increments there.
+    pub fn values(&self, x: &DVector<f64>, at: usize) -> Vec<f64> {
+        let is_applied = self.candidate.is_applied();
+        let of = |(i, s): (usize, &f64)| x[at + i] + if is_applied { *s } else { 0.0 };
+        self.strengths.iter().enumerate().map(of).collect()
+    }
+
     /// Where strengths are shares of the drive's amplitude, and that is known better now: the same
     /// effect as shares of the new one. An amplitude found before the effect was in the model is
     /// off by what it made of it (5 % for a second harmonic of 3 %).
@@ -51,6 +60,23 @@ impl Chosen {
             self.candidate = candidate;
             self.strengths.iter_mut().for_each(|s| *s *= ratio);
         }
+    }
+}
+
+/// A model that moves.
+pub struct Moving {
+    /// Its equations.
+    pub equations: EquationsOfMotion,
+    /// Values of their parameters.
+    pub parameters: Vec<f64>,
+    /// Numbers of the states of effects that they follow themselves.
+    pub hidden: Vec<usize>,
+}
+
+impl Moving {
+    /// As one that predicts; the step of integration is sought where none is given.
+    pub fn model(&self, step_s: Option<f64>) -> Model<'_> {
+        Model { motion: &self.equations, parameters: &self.parameters, step_s }
     }
 }
 
@@ -75,7 +101,7 @@ pub struct State {
     pub relaxation: Relaxation,
     /// Effects, `ID@PLACE`, whose forms are those of the grid: what they were moved to was something
     /// else.
-    pub unmoved: Vec<String>,
+    pub moved_in_vain: Vec<String>,
 }
 
 impl State {
@@ -122,12 +148,9 @@ impl State {
         let mut at = n;
         let mut applied = false;
         for k in &mut self.chosen {
-            let increments = k.candidate.is_applied();
-            applied |= increments;
-            for s in &mut k.strengths {
-                *s = x[at] + if increments { *s } else { 0.0 };
-                at += 1;
-            }
+            applied |= k.candidate.is_applied();
+            k.strengths = k.values(x, at);
+            at += k.strengths.len();
         }
         if applied {
             self.stretches = self.taken_off(setting, &setting.raw);
@@ -165,68 +188,46 @@ impl State {
         raw.iter().map(|s| all.taken_off(s, &setting.bound)).collect()
     }
 
-    /// The model's equations of motion, and its parameters at the coefficients `x` (the equations'
-    /// own, then strengths), those of the first record.
-    pub fn motion(&self, setting: &Setting<'_>, x: &DVector<f64>) -> Option<(EquationsOfMotion, Vec<f64>)> {
-        self.motion_of(setting, x, 0)
+    /// The model's equations of motion at the coefficients `x` (the equations' own, then strengths)
+    /// of the first record, which take the states of effects from it.
+    pub fn motion(&self, setting: &Setting<'_>, x: &DVector<f64>) -> Option<Moving> {
+        self.moving(setting, x, 0, None)
     }
 
-    /// The same for any record.
-    pub fn motion_of(
-        &self,
-        setting: &Setting<'_>,
-        x: &DVector<f64>,
-        record: usize,
-    ) -> Option<(EquationsOfMotion, Vec<f64>)> {
-        let (terms, strengths) = self.terms(setting, x);
-        let motion = EquationsOfMotion::with_columns(setting.model(), setting.rig.omega(), &terms).ok()?;
-        let values = self.parameters(setting, x, record, &motion, &strengths);
-        Some((motion, values))
-    }
-
-    /// The same for a free run, which follows the states of effects with its own motion; also their
-    /// numbers.
-    pub fn free_motion_of(
-        &self,
-        setting: &Setting<'_>,
-        x: &DVector<f64>,
-        record: usize,
-    ) -> Option<(EquationsOfMotion, Vec<f64>, Vec<usize>)> {
-        self.motion_hiding(setting, x, record, &|_| true)
+    /// The same of any record for a free run, which follows the states of effects with its own
+    /// motion.
+    pub fn free_motion_of(&self, setting: &Setting<'_>, x: &DVector<f64>, record: usize) -> Option<Moving> {
+        self.moving(setting, x, record, Some(&|_| true))
     }
 
     /// The same for shooting, whose paths move the states of effects with them; those that are
     /// beside them, by which shapes are refined, are the record's.
-    pub fn followed_motion_of(
-        &self,
-        setting: &Setting<'_>,
-        x: &DVector<f64>,
-        record: usize,
-    ) -> Option<(EquationsOfMotion, Vec<f64>, Vec<usize>)> {
+    pub fn followed_motion_of(&self, setting: &Setting<'_>, x: &DVector<f64>, record: usize) -> Option<Moving> {
         let own = self.own_states();
-        self.motion_hiding(setting, x, record, &|k| own.contains(&k))
+        self.moving(setting, x, record, Some(&|k| own.contains(&k)))
     }
 
-    fn motion_hiding(
+    fn moving(
         &self,
         setting: &Setting<'_>,
         x: &DVector<f64>,
         record: usize,
-        hides: &dyn Fn(usize) -> bool,
-    ) -> Option<(EquationsOfMotion, Vec<f64>, Vec<usize>)> {
+        hides: Option<&dyn Fn(usize) -> bool>,
+    ) -> Option<Moving> {
         let (mut terms, strengths) = self.terms(setting, x);
-        for (_, _, of) in &mut terms {
-            *of = of.replace(&|s| match s {
+        if let Some(hides) = hides {
+            let own = |s: Symbol| match s {
                 Symbol::Memory(k) if hides(k) => {
                     setting.laws.law(k).map_or_else(|| symbol(s), |(m, j)| Arc::new(Expression::Memory(m, j)))
                 }
                 other => symbol(other),
-            });
+            };
+            terms.iter_mut().for_each(|(_, _, of)| *of = of.replace(&own));
         }
-        let motion = EquationsOfMotion::with_columns(setting.model(), setting.rig.omega(), &terms).ok()?;
-        let values = self.parameters(setting, x, record, &motion, &strengths);
-        let numbers = motion.hidden().iter().map(|(m, j)| setting.laws.number(m, *j)).collect();
-        Some((motion, values, numbers))
+        let equations = EquationsOfMotion::with_columns(setting.model(), setting.rig.omega(), &terms).ok()?;
+        let parameters = self.parameters(setting, x, record, &equations, &strengths);
+        let hidden = equations.hidden().iter().map(|(m, j)| setting.laws.number(m, *j)).collect();
+        Some(Moving { equations, parameters, hidden })
     }
 
     /// Values of an equation's coefficients: the record's own, then strengths.
@@ -255,14 +256,18 @@ impl State {
         // Inertias follow from the coefficients that stand here, not from those of the last round.
         let by = DVector::from_fn(n, |i, _| x[i] - self.values[i]);
         let physical = self.physical.moved(&by);
+        let is_moved = physical.values != self.physical.values;
         let mut terms: Terms = Vec::new();
         let mut strengths: Vec<(String, f64)> = Vec::new();
         let mut at = n;
         for (index, k) in self.chosen.iter().enumerate() {
-            let mut columns = k.candidate.columns(setting, self);
-            for (there, here) in columns.iter_mut().zip(k.candidate.columns_at(setting, self, &physical)) {
-                let both = there.iter_mut().zip(here).filter(|(t, _)| !physical.is_open(t.0));
-                both.for_each(|(there, here)| *there = here);
+            let mut columns = k.candidate.columns_at(setting, self, &physical);
+            // An inertia that stays open is the unit of what acts there, and is not moved.
+            if is_moved && columns.iter().flatten().any(|c| physical.is_open(c.0)) {
+                for (here, there) in columns.iter_mut().zip(k.candidate.columns(setting, self)) {
+                    let both = here.iter_mut().zip(there).filter(|(h, _)| physical.is_open(h.0));
+                    both.for_each(|(here, there)| *here = there);
+                }
             }
             for (j, column) in columns.into_iter().enumerate() {
                 // What is applied to the data is not in the equations.
@@ -318,13 +323,19 @@ impl State {
         &self.stretches[..if is_one { self.stretches.len() } else { first.min(self.stretches.len()) }]
     }
 
+    /// The record as pieces without what acts on them: for its sensors and their noise alone.
+    pub fn undriven_track<'a>(&'a self, setting: &'a Setting<'_>) -> Track<'a> {
+        Track::new(self.predicted(setting), &[], setting.rig, &setting.bound, &setting.sensors)
+    }
+
     /// Calls with the record as pieces for predictions.
     pub fn on_track<T>(&self, setting: &Setting<'_>, then: impl FnOnce(&Track<'_>) -> T) -> T {
         let omega = setting.rig.drive.map_or(0.0, |_| setting.rig.omega());
         let numbers = self.remembered();
         let exogenous: Vec<ExogenousInputs> =
             self.predicted(setting).iter().map(|s| ExogenousInputs::remembering(s, omega, &numbers)).collect();
-        let known = |stretch, sample| self.followed.as_ref()?.at(setting, stretch, sample);
+        let settled = self.followed.as_ref().and_then(|f| f.settled(setting));
+        let known = |stretch, sample| settled.as_ref()?.at(stretch, sample);
         let track = Track::new(self.predicted(setting), &exogenous, setting.rig, &setting.bound, &setting.sensors);
         then(&track.knowing(&known))
     }

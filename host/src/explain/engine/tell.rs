@@ -206,8 +206,6 @@ pub fn value(
 
 /// A found effect.
 pub fn found(setting: &Setting<'_>, c: &Candidate, reported: Reported, unit: String) -> Found {
-    let name = c.name(setting);
-    let place = name.split_once('@').map_or("", |p| p.1);
     let confirm = rounded(setting, c, &reported).unwrap_or(&c.entry.confirm).to_owned();
     Found {
         value: reported.value,
@@ -215,7 +213,7 @@ pub fn found(setting: &Setting<'_>, c: &Candidate, reported: Reported, unit: Str
         parameters: reported.parameters,
         equation: c.entry.equation.clone(),
         confirm,
-        ..Found::empty(&c.entry.id, place, unit)
+        ..Found::empty(&c.entry.id, &c.place_name(setting), unit)
     }
 }
 
@@ -253,17 +251,15 @@ pub fn parameters(
     for (index, k) in state.chosen.iter().enumerate() {
         let d = k.strengths.len();
         let own = covariance.view((at_column, at_column), (d, d)).into_owned();
-        let applied = k.candidate.is_applied();
-        let values: Vec<f64> = (0..d).map(|i| x[at_column + i] + if applied { k.strengths[i] } else { 0.0 }).collect();
+        let values = k.values(x, at_column);
         let (reported, unit) = value(setting, &state.physical, &k.candidate, &values, &own);
         let name = k.candidate.name(setting);
         if index < state.dampings {
             strengths.insert(name.clone(), (values[0], own[(0, 0)].max(0.0).sqrt()));
         } else if index < state.nominal {
-            let (id, at) = name.split_once('@').unwrap_or((&name, ""));
             result.given.push(AddedEffect {
-                id: id.to_owned(),
-                at: at.to_owned(),
+                id: k.candidate.entry.id.clone(),
+                at: k.candidate.place_name(setting),
                 value: reported.value,
                 std_error: reported.std_error,
                 unit: unit.clone(),
@@ -282,15 +278,15 @@ pub fn parameters(
     let told_as = |name: &str| first.parameter(name).map_or_else(String::new, |p| p.unit.clone());
     for name in setting.whole.model.coefficients() {
         // A coefficient of which each record has its own is told once for each.
-        let columns = setting.own.columns(setting.model(), &name);
+        let columns = setting.own.columns(setting.model(), name);
         result.parameters.extend(columns.iter().map(|&i| {
             let name = setting.own.names[i].clone();
             Parameter { unit: told_as(&name), name, value: x[i], std_error: covariance[(i, i)].max(0.0).sqrt() }
         }));
         if columns.is_empty() {
-            let of = |m| damping(m, &name, &state.physical.values, &strengths);
+            let of = |m| damping(m, name, &state.physical.values, &strengths);
             let (value, std_error) = mechanism.map_or((f64::NAN, f64::NAN), of);
-            result.parameters.push(Parameter { unit: told_as(&name), name, value, std_error });
+            result.parameters.push(Parameter { unit: told_as(name), name: name.clone(), value, std_error });
         }
     }
     result.parameters.extend(told);
@@ -318,7 +314,7 @@ fn damping(
 /// The model with its effects.
 ///
 /// # Errors
-/// A model file that is no longer readable.
+/// A model file that cannot be read.
 pub fn model(setting: &Setting<'_>, state: &State, result: &Explanation) -> Result<IdentifiedModel> {
     let mut found_with = BTreeMap::new();
     let none = result.effects.is_empty() && result.given.is_empty();

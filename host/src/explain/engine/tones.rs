@@ -16,9 +16,11 @@ use core::f64::consts::TAU;
 
 use super::candidates::Candidate;
 use super::evidence::{Evidence, Outcome};
+use super::prediction::Range;
 use super::setting::{Lines, Setting};
 use super::shooting;
 use super::state::State;
+use crate::effects::entry::Entry;
 
 /// Spacing of the columns' frequencies and of the search between them, in units of one over a
 /// window and over the record.
@@ -54,18 +56,24 @@ fn best_near(at_hz: f64, scores: &[([f64; 3], f64)], spacing_hz: f64, fine_hz: f
 pub fn candidates(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> (Vec<Candidate>, f64) {
     let none = (Vec::new(), 1.0);
     let (Evidence::Shooting(_), Some(followed)) = (&outcome.evidence, &state.followed) else { return none };
-    let looks = |c: &Candidate| c.entry.shapes.iter().any(|s| s.of_lines) && c.entry.strengths.len() == 2;
+    let looks = |e: &Entry| e.shapes.iter().any(|s| s.of_lines) && e.strengths.len() == 2;
+    let ids: Vec<&str> = setting.entries.iter().filter(|e| looks(e)).map(|e| e.id.as_str()).collect();
+    let is_wanted = |name: &str| name.split_once('@').is_some_and(|(id, _)| ids.contains(&id));
     let (_, window_s) = followed.windows(setting);
     let spacing_hz = COLUMNS / window_s;
     // Few: the cast cuts the fraction.
     let count = (setting.geometry.kernels.full.pass_hz / spacing_hz).min(MOST_COLUMNS) as usize;
     let grid: Vec<f64> = (1..=count).map(|k| k as f64 * spacing_hz).collect();
-    let of = |lines: Vec<f64>| setting.candidates(&state.physical, &Lines { of_forces: lines, ..Lines::default() });
-    let mut all = of(grid);
-    all.retain(looks);
+    let of = |lines: Vec<f64>| {
+        let lines = Lines { of_forces: lines, ..Lines::default() };
+        let mut all = setting.candidates_of(&state.physical, &lines, &is_wanted);
+        all.retain(|c| looks(&c.entry));
+        all
+    };
+    let all = of(grid);
     let further: Vec<&Candidate> = all.iter().collect();
     let Some(blocks) = shooting::evidence(setting, state, &further, false, &[]) else { return none };
-    let time = |[stretch, from, to]: &[usize; 3]| state.stretches[*stretch].time((from + to) / 2);
+    let time = |r: &Range| state.stretches[r.stretch].time((r.begin + r.end) / 2);
     let times: Vec<f64> = blocks.places.iter().map(time).collect();
     let span_s = times.iter().fold(0.0_f64, |m, t| m.max((t - times[0]).abs())) + window_s;
     let left = blocks.misfits(&outcome.fit.all).iter().map(|w| w[0]).sum::<f64>() / times.len().max(1) as f64;
@@ -91,9 +99,7 @@ pub fn candidates(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> (V
     if lines.is_empty() {
         return none;
     }
-    let mut found = of(lines);
-    found.retain(looks);
-    (found, (tests * FINE).max(1.0))
+    (of(lines), (tests * FINE).max(1.0))
 }
 
 #[cfg(test)]

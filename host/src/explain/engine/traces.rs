@@ -36,12 +36,9 @@ pub fn without_trace(setting: &Setting<'_>, state: &State, outcome: &Outcome) ->
     // The errors that are told.
     let covariance = outcome.covariance();
     for (k, chosen) in state.chosen.iter().enumerate() {
-        // What is found as an increment has its strength in the state.
-        let applied = if chosen.candidate.is_applied() { 1.0 } else { 0.0 };
         let errors = errors_at_shape(&covariance, at, chosen.candidate.entry.strengths.len(), chosen.strengths.len());
-        let clear = errors.iter().enumerate().map(|(i, error)| {
-            (outcome.fit.all[at + i] + applied * chosen.strengths[i]).abs() / error.max(f64::MIN_POSITIVE)
-        });
+        let values = chosen.values(&outcome.fit.all, at);
+        let clear = errors.iter().zip(values).map(|(error, x)| x.abs() / error.max(f64::MIN_POSITIVE));
         // Nor does a name stand whose value is within them.
         let value = value_over_error(setting, state, (&outcome.fit.all, &covariance), at, chosen);
         let clear = clear.fold(0.0, f64::max).min(value);
@@ -64,8 +61,7 @@ fn value_over_error(
     chosen: &Chosen,
 ) -> f64 {
     let d = chosen.strengths.len();
-    let applied = if chosen.candidate.is_applied() { 1.0 } else { 0.0 };
-    let values: Vec<f64> = (0..d).map(|i| all[at + i] + applied * chosen.strengths[i]).collect();
+    let values = chosen.values(all, at);
     let covariance = covariance.view((at, at), (d, d)).into_owned();
     let (told, _) = tell::value(setting, &state.physical, &chosen.candidate, &values, &covariance);
     // Held at nothing by its sign it has no error either.

@@ -17,22 +17,20 @@ use std::sync::Arc;
 
 use serde::Serialize;
 
+use super::axes::{self, Axis};
 use super::candidates::Column;
 use super::evidence::Outcome;
 use super::residual::range;
 use super::setting::Setting;
 use super::state::State;
 use super::tell;
-use crate::effects::places::{self, Place};
+use crate::effects::places::Place;
 use crate::explain::ranking::{self, Fit};
 use crate::identify::jackknife::widening;
-use crate::model::model_file::expression::{
-    Expression, Function, Node, Symbol, call, multiply, number, subtract, symbol,
-};
+use crate::model::model_file::expression::{Expression, Node, Symbol, multiply, number, subtract};
 use crate::report::format::significant;
 use crate::statistics::Z95;
-use crate::system::bodies::Body;
-use crate::system::derivative::{by_time, partial};
+use crate::system::derivative::partial;
 use crate::system::mechanism::at;
 use crate::system::polynomial::{Atom, Polynomial};
 
@@ -83,47 +81,6 @@ impl Unknown {
     }
 }
 
-/// A coordinate that a force may depend on.
-struct Coordinate {
-    name: String,
-    unit: &'static str,
-    of: Node,
-    angle: bool,
-}
-
-/// Places of forces: each joint, and each arm whose angle is no joint's.
-fn places_of(setting: &Setting<'_>) -> Vec<(Place, Polynomial)> {
-    let Some(file) = setting.file() else { return Vec::new() };
-    let joints: Vec<(Place, Polynomial)> =
-        file.joints.iter().enumerate().map(|(k, j)| (Place::Joint(k), j.moves.value.clone())).collect();
-    let arms = file.bodies.iter().enumerate().filter_map(|(k, b)| match &b.value {
-        Body::Arm { angle: Some(angle), .. } if joints.iter().all(|j| j.1 != *angle) => {
-            Some((Place::Arm(k), angle.clone()))
-        }
-        _ => None,
-    });
-    joints.iter().cloned().chain(arms).collect()
-}
-
-fn coordinates(setting: &Setting<'_>, place: Place, moves: &Polynomial) -> Vec<Coordinate> {
-    let Some(file) = setting.file() else { return Vec::new() };
-    let name = place.name(file);
-    let angle = places::is_angle(file, moves);
-    let x = if angle { call(Function::Wrap, moves.node()) } else { moves.node() };
-    let what = if angle { "angle" } else { "position" };
-    let mut out =
-        vec![Coordinate { name: format!("{what} of {name}"), unit: if angle { "rad" } else { "m" }, of: x, angle }];
-    if let Ok(rate) = by_time(moves, file.coordinates.len(), setting.rig.omega()) {
-        let unit = if angle { "rad/s" } else { "m/s" };
-        out.push(Coordinate { name: format!("velocity of {name}"), unit, of: rate.node(), angle: false });
-    }
-    if setting.rig.drive.is_some() {
-        let phase = call(Function::Wrap, symbol(Symbol::Tau));
-        out.push(Coordinate { name: "drive phase".to_owned(), unit: "rad", of: phase, angle: true });
-    }
-    out
-}
-
 /// A force of one at a place on the left-hand sides: for each equation, what multiplies it.
 fn shares(setting: &Setting<'_>, state: &State, moves: &Polynomial) -> Vec<(usize, Node)> {
     let Some(mechanism) = setting.mechanism() else { return Vec::new() };
@@ -142,7 +99,7 @@ fn shares(setting: &Setting<'_>, state: &State, moves: &Polynomial) -> Vec<(usiz
 /// Hat functions of one coordinate at one place.
 struct Hats {
     place: Place,
-    coordinate: Coordinate,
+    coordinate: Axis,
     /// Where the first stands, and how far they are apart.
     low: f64,
     width: f64,
@@ -151,22 +108,16 @@ struct Hats {
 
 impl Hats {
     /// None where the coordinate does not move.
-    fn new(
-        setting: &Setting<'_>,
-        state: &State,
-        place: Place,
-        shares: &[(usize, Node)],
-        of: Coordinate,
-    ) -> Option<Self> {
-        let (low, high) = if of.angle { (-PI, PI) } else { range(setting, state, &of.of) };
-        let count = if of.angle { POINTS - 1 } else { POINTS };
+    fn new(setting: &Setting<'_>, state: &State, place: Place, shares: &[(usize, Node)], of: Axis) -> Option<Self> {
+        let (low, high) = if of.turn { (-PI, PI) } else { range(setting, state, &of.of) };
+        let count = if of.turn { POINTS - 1 } else { POINTS };
         let width = (high - low) / (POINTS - 1) as f64;
         if !(width > 0.0 && width.is_finite()) {
             return None;
         }
         let hat = |k: usize| -> Node {
             let from_node = subtract(of.of.clone(), number(low + k as f64 * width));
-            Arc::new(Expression::Hat { from_node, width, period: of.angle.then_some(TAU) })
+            Arc::new(Expression::Hat { from_node, width, period: of.turn.then_some(TAU) })
         };
         let column = |k: usize| shares.iter().map(|(e, share)| (*e, multiply(share.clone(), hat(k)))).collect();
         let columns = (0..count).map(column).collect();
@@ -206,12 +157,12 @@ pub struct Shape {
 /// The shape that takes away most, if any takes away enough or is clear.
 pub fn shape(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<Shape> {
     let own = outcome.own.len();
-    let all: Vec<Hats> = places_of(setting)
+    let all: Vec<Hats> = axes::places_of_forces(setting)
         .into_iter()
         .flat_map(|(place, moves)| {
             let shares = shares(setting, state, &moves);
             let hats = |c| Hats::new(setting, state, place, &shares, c);
-            coordinates(setting, place, &moves).into_iter().filter_map(hats).collect::<Vec<_>>()
+            axes::of_force(setting, place, &moves).into_iter().filter_map(hats).collect::<Vec<_>>()
         })
         .collect();
     let groups: Vec<Vec<Column>> = all.iter().map(|h| h.columns.clone()).collect();

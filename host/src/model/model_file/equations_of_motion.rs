@@ -81,7 +81,7 @@ impl EquationsOfMotion {
                 .at("equation")
                 .remedy("A simulation needs one equation for each coordinate"));
         }
-        let mut coefficients = model.coefficients();
+        let mut coefficients = model.coefficients().to_vec();
         let hidden = hidden(extra);
         let all = n + hidden.len();
         let mut built = Split::with_seams(all);

@@ -130,6 +130,8 @@ pub struct ModelFile {
     pub source: Source,
     /// What the coefficients are made of, where the equations were derived from a system file.
     pub mechanism: Option<Arc<Mechanism>>,
+    /// Names of the equations' coefficients; nothing renames one.
+    coefficients: Vec<String>,
 }
 
 /// Whether a rig file's `model` is the path of a model file.
@@ -173,7 +175,13 @@ impl ModelFile {
         let inputs = inputs(&source, top, &coordinates)?;
         let (time, equations) = Self::equations_of(&source, top, span, &coordinates, &inputs)?;
         drop(table);
-        Ok(Self { name, coordinates, inputs, time, equations, source, mechanism: None })
+        let mut coefficients: Vec<String> = Vec::new();
+        for t in equations.iter().flat_map(|e| &e.terms) {
+            if !coefficients.contains(&t.name) {
+                coefficients.push(t.name.clone());
+            }
+        }
+        Ok(Self { name, coordinates, inputs, time, equations, source, mechanism: None, coefficients })
     }
 
     /// What a prime stands for, and the `[[equation]]`s.
@@ -218,14 +226,8 @@ impl ModelFile {
     }
 
     /// Names of all coefficients, each once, in the file's order.
-    pub fn coefficients(&self) -> Vec<String> {
-        let mut out: Vec<String> = Vec::new();
-        for t in self.equations.iter().flat_map(|e| &e.terms) {
-            if !out.contains(&t.name) {
-                out.push(t.name.clone());
-            }
-        }
-        out
+    pub fn coefficients(&self) -> &[String] {
+        &self.coefficients
     }
 
     /// For each term of each equation, the place of its coefficient among

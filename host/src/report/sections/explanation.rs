@@ -33,7 +33,7 @@ fn one(body: &mut Html, e: &Explanation) {
             .gap
             .horizons
             .iter()
-            .map(|(h, before, after)| [*h, *before, *after].iter().map(|x| Html::text(&significant(*x, 3))).collect())
+            .map(|h| h.numbers().iter().map(|x| Html::text(&significant(*x, 3))).collect())
             .collect();
         let head = |t: &str| (Html::text(t), Align::Right);
         body.table(&[head("horizon / s"), head("gap before"), head("gap after")], &rows);
@@ -93,11 +93,7 @@ fn forecasts(body: &mut Html, e: &Explanation) {
     }));
     let rows: Vec<Vec<Html>> = (0..first.steps.len())
         .map(|i| {
-            let name = match &first.steps[i].added {
-                Some(name) if name == "refit" => "refitted to this record".to_owned(),
-                Some(name) => format!("+ {}", names::effect(name)),
-                None => "the model as it was".to_owned(),
-            };
+            let name = first.steps[i].told("+");
             let values = e.gap.forecasts.iter().filter_map(|f| f.steps.get(i)).map(|s| significant(s.value, 3));
             let gap = e.gap.steps.get(i).map_or_else(String::new, |s| significant(s.value, 3));
             [i.to_string(), name, gap].into_iter().chain(values).map(|t| Html::text(&t)).collect()
@@ -180,7 +176,7 @@ fn effects(body: &mut Html, found: &[Found]) {
             let parameters: Vec<String> =
                 f.parameters.iter().map(|(k, v)| format!("{k} = {}", significant(*v, 3))).collect();
             [
-                format!("{}@{}", f.id, f.at),
+                f.name(),
                 plus_minus(f.value, Z95 * f.std_error),
                 f.unit.clone(),
                 parameters.join(", "),

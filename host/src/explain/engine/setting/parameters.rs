@@ -29,7 +29,7 @@ impl Own {
     pub(super) fn new(model: &ModelFile, records: usize) -> Self {
         let (mut names, mut of_record) = (Vec::new(), vec![Vec::new(); records.max(1)]);
         for c in model.coefficients() {
-            let own = records > 1 && each_record(model, Some(&c));
+            let own = records > 1 && each_record(model, Some(c));
             for (r, columns) in of_record.iter_mut().enumerate() {
                 if own || r == 0 {
                     names.push(if own { format!("{c}_{}", r + 1) } else { c.clone() });
@@ -120,7 +120,7 @@ impl Setting<'_> {
         }
         let mechanism = self.mechanism()?;
         let names = self.model().coefficients();
-        let identified = Identified { names: &names, values, covariance, metric: covariance };
+        let identified = Identified { names, values, covariance, metric: covariance };
         physical(mechanism, &identified, &self.known, if self.shooting { &near.values } else { &[] })
     }
 }

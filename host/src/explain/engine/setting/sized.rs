@@ -219,7 +219,7 @@ pub struct Lines {
 }
 
 /// An entry whose forms are those of some lines, where it takes them from there.
-pub(super) fn with_lines(entry: Arc<Entry>, lines: &Lines) -> Arc<Entry> {
+pub fn with_lines(entry: Arc<Entry>, lines: &Lines) -> Arc<Entry> {
     if entry.shapes.iter().all(|s| !s.of_lines) {
         return entry;
     }

@@ -13,6 +13,7 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::gram::Gram;
+use crate::explain::engine::prediction::Range;
 use crate::explain::ranking::{FOLDS, Fit, solve, squares};
 use crate::identify::jackknife::widening;
 
@@ -41,8 +42,8 @@ pub struct Blocks {
     /// Columns of increments, which have settled: a fit to two thirds of the blocks, whose
     /// predictions are not made with them, leaves them at nothing.
     pub still: Vec<bool>,
-    /// Where each window lies: stretch, and the samples of it at which it begins and ends.
-    pub places: Vec<[usize; 3]>,
+    /// Where each window lies.
+    pub places: Vec<Range>,
 }
 
 /// The least-squares increments with the signs of coefficients kept (0: any), which are those of
@@ -74,6 +75,15 @@ fn solve_free(total: &DMatrix<f64>, held: &[bool], origin: &[f64]) -> Option<DVe
     let mut x = DVector::from_fn(p, |i, _| if held[i] { -origin[i] } else { 0.0 });
     free.iter().zip(found.iter()).for_each(|(&i, v)| x[i] = *v);
     Some(x)
+}
+
+/// What brings the columns of a Gram matrix, whose last is the target, to a diagonal of ones, and
+/// the matrix of these.
+fn to_unit_diagonal(gram: &DMatrix<f64>) -> (DVector<f64>, DMatrix<f64>) {
+    let p = gram.nrows() - 1;
+    let scale = DVector::from_fn(p, |i, _| gram[(i, i)].max(f64::MIN_POSITIVE).sqrt().recip());
+    let unit = DMatrix::from_fn(p, p, |i, j| gram[(i, j)] * scale[i] * scale[j]);
+    (scale, unit)
 }
 
 impl Blocks {
@@ -140,8 +150,12 @@ impl Blocks {
     /// of the mean square residuals.
     pub fn held_out(&self, columns: &[usize]) -> Option<f64> {
         let (mut sum, mut count) = (0.0, 0.0_f64);
+        let (grams, p) = (self.grams(columns), columns.len());
+        let (signs, origin) = (self.signs_of(columns), self.origin_of(columns));
         for fold in 0..FOLDS {
-            let step = self.without_fold(columns, fold)?;
+            let kept = grams.iter().enumerate().filter(|(k, _)| k % FOLDS != fold);
+            let total = kept.fold(DMatrix::zeros(p + 1, p + 1), |s, (_, g)| s + g);
+            let step = solve_signed(&total, &signs, &origin)?.0;
             for window in self.windows.iter().skip(fold).step_by(FOLDS) {
                 for p in window {
                     let left = squares(&p.gram.chosen(columns), &step) / p.freedom.max(1.0);
@@ -151,14 +165,6 @@ impl Blocks {
             }
         }
         Some((sum / count.max(1.0)).exp())
-    }
-
-    fn without_fold(&self, columns: &[usize], fold: usize) -> Option<DVector<f64>> {
-        let p = columns.len();
-        let grams = self.grams(columns);
-        let kept = grams.iter().enumerate().filter(|(k, _)| k % FOLDS != fold);
-        let total = kept.fold(DMatrix::zeros(p + 1, p + 1), |s, (_, g)| s + g);
-        Some(solve_signed(&total, &self.signs_of(columns), &self.origin_of(columns))?.0)
     }
 
     /// For every window over its longest horizon, in its weight: the products of two columns with
@@ -176,9 +182,8 @@ impl Blocks {
         self.windows.iter().zip(&self.weights).map(of).collect()
     }
 
-    /// Coefficients from some windows (by stretch, first sample and the one behind the last),
-    /// increments left at nothing; none where they are few.
-    pub fn of_some(&self, columns: &[usize], keep: impl Fn(&[usize; 3]) -> bool) -> Option<DVector<f64>> {
+    /// Coefficients from some windows, increments left at nothing; none where they are few.
+    pub fn of_some(&self, columns: &[usize], keep: impl Fn(&Range) -> bool) -> Option<DVector<f64>> {
         let p = columns.len();
         let grams = self.grams(columns);
         let kept: Vec<&DMatrix<f64>> =
@@ -209,25 +214,28 @@ impl Blocks {
         let total = self.grams(columns).iter().fold(DMatrix::<f64>::zeros(p + 1, p + 1), |s, g| s + g);
         let on: Vec<usize> = (0..p).filter(|&i| ridge[i] > 0.0).collect();
         let mean = on.iter().map(|&i| total[(i, i)]).sum::<f64>() / on.len().max(1) as f64;
-        let mut stiff = self.clone();
         let share = 1.0 / self.windows.len().max(1) as f64;
-        for (window, weights) in stiff.windows.iter_mut().zip(&self.weights) {
-            if let (Some(part), Some(w)) = (window.first_mut(), weights.first()) {
-                for &i in &on {
-                    part.gram.stiffen(columns[i], ridge[i] * mean * share / w);
-                }
-            }
-        }
-        stiff.fit(columns)
+        let stiffer: Vec<(usize, f64)> = on.into_iter().map(|i| (i, ridge[i] * mean * share)).collect();
+        self.fit_of(columns, &self.stiff_grams(columns, &stiffer))
     }
 
     /// Weighted Gram matrices of some columns, window by window.
     fn grams(&self, columns: &[usize]) -> Vec<DMatrix<f64>> {
+        self.stiff_grams(columns, &[])
+    }
+
+    /// The same with something added to the squares of some columns, by their place among these:
+    /// over the longest horizon, so that it has the same weight in all windows.
+    fn stiff_grams(&self, columns: &[usize], stiffer: &[(usize, f64)]) -> Vec<DMatrix<f64>> {
         let p = columns.len();
         let both = self.windows.iter().zip(&self.weights);
         both.map(|(window, weights)| {
-            let parts = window.iter().zip(weights);
-            parts.fold(DMatrix::zeros(p + 1, p + 1), |sum, (part, w)| sum + part.gram.chosen(columns) * *w)
+            let parts = window.iter().zip(weights).enumerate();
+            parts.fold(DMatrix::zeros(p + 1, p + 1), |sum, (horizon, (part, w))| {
+                let mut gram = part.gram.chosen(columns);
+                stiffer.iter().filter(|_| horizon == 0).for_each(|&(i, by)| gram[(i, i)] += by / w);
+                sum + gram * *w
+            })
         })
         .collect()
     }
@@ -248,8 +256,7 @@ impl Blocks {
         if freedom < 1.0 || own >= p {
             return None;
         }
-        let scale = DVector::from_fn(p, |i, _| total[(i, i)].max(f64::MIN_POSITIVE).sqrt().recip());
-        let unit = DMatrix::from_fn(p, p, |i, j| total[(i, j)] * scale[i] * scale[j]);
+        let (scale, unit) = to_unit_diagonal(total);
         // The last rows of Cholesky's factor are that of what the own columns leave.
         let factor = unit.cholesky()?.l().view((own, own), (p - own, p - own)).into_owned();
         let square = &factor * factor.transpose();
@@ -260,13 +267,12 @@ impl Blocks {
 
     /// Variances of coefficients `x` of some columns where what is left is noise alike everywhere;
     /// see [`Self::even_covariance`]. None where columns are singular.
-    pub fn even_variances(&self, columns: &[usize], x: &DVector<f64>) -> Option<Vec<f64>> {
+    fn even_variances(&self, columns: &[usize], x: &DVector<f64>) -> Option<Vec<f64>> {
         let p = columns.len();
         let total = self.grams(columns).into_iter().fold(DMatrix::zeros(p + 1, p + 1), |s, g| s + g);
         let freedom = self.noise() - p as f64;
         let x = x - DVector::from_vec(self.origin_of(columns));
-        let scale = DVector::from_fn(p, |i, _| total[(i, i)].max(f64::MIN_POSITIVE).sqrt().recip());
-        let unit = DMatrix::from_fn(p, p, |i, j| total[(i, j)] * scale[i] * scale[j]);
+        let (scale, unit) = to_unit_diagonal(&total);
         let inverse = unit.cholesky()?.inverse();
         let shared = squares(&total, &x) / freedom;
         let variance = |i: usize| shared * self.overlap(&columns[i..=i]) * inverse[(i, i)] * scale[i] * scale[i];
@@ -295,7 +301,7 @@ impl Blocks {
             for (window, weights) in self.windows.iter().zip(&self.weights) {
                 by_horizon.resize(by_horizon.len().max(window.len()), 0.0);
                 let parts = window.iter().zip(weights);
-                by_horizon.iter_mut().zip(parts).for_each(|(sum, (p, w))| *sum += w * p.gram.chosen(&[column])[(0, 0)]);
+                by_horizon.iter_mut().zip(parts).for_each(|(sum, (p, w))| *sum += w * p.gram.square(column));
             }
             let roots: f64 = by_horizon.iter().map(|x| x.max(0.0).sqrt()).sum();
             let sum: f64 = by_horizon.iter().sum();
@@ -307,20 +313,21 @@ impl Blocks {
     /// Whether columns behind the own ones can be told from what these do together: a share of each
     /// is left that they do not explain.
     pub fn separable(&self, own: usize, total: &DMatrix<f64>) -> bool {
-        let p = total.nrows() - 1;
-        let scale = DVector::from_fn(p, |i, _| total[(i, i)].max(f64::MIN_POSITIVE).sqrt().recip());
-        let unit = DMatrix::from_fn(p, p, |i, j| total[(i, j)] * scale[i] * scale[j]);
-        let Some(factor) = unit.cholesky() else { return false };
-        (own..p).all(|i| factor.l_dirty()[(i, i)].powi(2) > SEPARABLE)
+        let Some(factor) = to_unit_diagonal(total).1.cholesky() else { return false };
+        (own..total.nrows() - 1).all(|i| factor.l_dirty()[(i, i)].powi(2) > SEPARABLE)
     }
 
     /// Fits some columns; none where they are singular or the blocks too few. What is held at zero
     /// has the standard error of a fit without bounds.
     pub fn fit(&self, columns: &[usize]) -> Option<Fit> {
+        self.fit_of(columns, &self.grams(columns))
+    }
+
+    /// The same from their weighted Gram matrices, window by window.
+    fn fit_of(&self, columns: &[usize], parts: &[DMatrix<f64>]) -> Option<Fit> {
         let p = columns.len();
         let own = columns.iter().filter(|c| **c < self.still.len()).count();
         let signs = self.signs_of(columns);
-        let parts = self.grams(columns);
         let n = parts.len();
         if n < FOLDS {
             return None;
@@ -352,7 +359,7 @@ impl Blocks {
         }
         let jackknife = |held: &[bool], all: &DVector<f64>| -> Option<DMatrix<f64>> {
             let mut covariance = DMatrix::zeros(p, p);
-            for part in &parts {
+            for part in parts {
                 let change = solve_free(&(&total - part), held, &origin)? - all;
                 covariance += &change * change.transpose() * ((n - 1) as f64 / n as f64);
             }

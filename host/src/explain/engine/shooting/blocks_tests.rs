@@ -95,6 +95,24 @@ fn even_noise_gives_the_covariance_of_ordinary_least_squares() {
     assert!((&even - &plain).amax() < 0.01 * plain.amax(), "{even} {plain}");
 }
 
+/// A ridge adds its share of the column's square to the normal matrix, whatever the windows weigh.
+#[test]
+fn a_ridge_makes_a_column_stiffer() {
+    let (first, second) = (DVector::from_vec(vec![1.0, 2.0, 3.0]), DVector::from_vec(vec![2.0, -1.0, 1.0]));
+    let gram = &first * first.transpose() + &second * second.transpose();
+    let parts = (0..6).map(|_| vec![Part { gram: Gram::of_own(gram.clone()), freedom: 2.0 }; 2]).collect();
+    let mut blocks = Blocks::new(parts, vec![0.0; 2], Vec::new());
+    let misfits: Vec<Vec<f64>> = (0..6).map(|k| vec![1.0 + f64::from(k), 2.0]).collect();
+    blocks.weigh(&misfits);
+    let weight: f64 = misfits.iter().flatten().map(|e| 1.0 / e).sum();
+    let mut normal = gram.view((0, 0), (2, 2)) * weight;
+    normal[(1, 1)] *= 1.5;
+    let wanted = normal.try_inverse().unwrap() * (gram.column(2).rows(0, 2) * weight);
+    let found = blocks.fit_ridge(&[0, 1], &[0.0, 0.5]).unwrap().all;
+    assert!((&found - &wanted).amax() < 1e-12, "{found} {wanted}");
+    assert!((blocks.fit(&[0, 1]).unwrap().all - DVector::from_vec(vec![1.0, 1.0])).amax() < 1e-12);
+}
+
 /// A strength that one window alone shows takes nothing from what the others show of its fellow.
 #[test]
 fn what_one_window_alone_shows_does_not_spoil_the_rest() {

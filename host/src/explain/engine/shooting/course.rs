@@ -7,8 +7,9 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::super::candidates::{Candidate, Column};
+use super::super::prediction;
 use super::super::setting::Setting;
-use super::super::state::State;
+use super::super::state::{Moving, State};
 use super::blocks::{Blocks, Part};
 use super::by_inertia;
 use super::forcing::{Additions, Forcing};
@@ -16,7 +17,7 @@ use super::gram::Layout;
 use super::linear::{Linear, Measured, Normal};
 use super::path::{FEWEST_SAMPLES, Path, Window};
 use super::window_inputs::WindowInputs;
-use crate::identify::track;
+use crate::identify::track::{ExogenousInputs, Track};
 use crate::model::flow::abreast::VectorField;
 use crate::model::model_file::expression::{Node, Symbol};
 use crate::model::model_file::tape::{Registers, Tape};
@@ -35,7 +36,7 @@ pub struct Course<'a> {
     pub setting: &'a Setting<'a>,
     /// The model so far.
     pub state: &'a State,
-    between: Vec<track::ExogenousInputs>,
+    between: Vec<ExogenousInputs>,
     /// What the sensors showed, by stretch and sensor.
     shown: Vec<Vec<Vec<f64>>>,
     weights: Vec<Vec<f64>>,
@@ -100,9 +101,9 @@ impl<'a> Course<'a> {
     pub fn new(setting: &'a Setting<'a>, state: &'a State) -> Self {
         let omega = setting.rig.drive.map_or(0.0, |_| setting.rig.omega());
         let numbers = state.beside();
-        let between = state.stretches.iter().map(|s| track::ExogenousInputs::remembering(s, omega, &numbers)).collect();
+        let between = state.stretches.iter().map(|s| ExogenousInputs::remembering(s, omega, &numbers)).collect();
         let shown = state.stretches.iter().map(|s| s.sensors(&setting.bound)).collect();
-        let (weights, sigma) = state.on_track(setting, |t| (t.sensors.clone(), t.sigma.clone()));
+        let Track { sensors: weights, sigma, .. } = state.undriven_track(setting);
         let begins = state.stretches.iter().map(|s| state.forgets(s)).collect();
         Self { setting, state, between, shown, weights, sigma, omega, begins }
     }
@@ -221,7 +222,7 @@ impl<'a> Course<'a> {
         let motion = |record: usize| self.state.followed_motion_of(self.setting, &x, record);
         let motions = (0..self.setting.own.of_record.len()).map(motion).collect::<Option<Vec<_>>>()?;
         let of = |w: &Window| {
-            let (motion, parameters, hidden) = motions.get(self.record_of(w))?;
+            let Moving { equations: motion, parameters, hidden } = motions.get(self.record_of(w))?;
             let field = VectorField { motion, parameters };
             Linear::new(
                 paths[w.stretch].of(w, self.setting.circle.len()),
@@ -317,7 +318,7 @@ impl<'a> Course<'a> {
         let found: Vec<Option<Vec<Part>>> = all.par_iter().zip(linear).map(of).collect();
         let whole = |w: &Window| {
             let first = paths[w.stretch].first + w.first;
-            [w.stretch, first, first + w.count]
+            prediction::Range { stretch: w.stretch, begin: first, end: first + w.count }
         };
         let kept = found.into_iter().zip(all).filter_map(|(parts, w)| Some((parts?, whole(w))));
         let (windows, places) = kept.unzip();

@@ -180,6 +180,11 @@ impl Gram {
         groups[group][(high - from, low - from)]
     }
 
+    /// The square of a column.
+    pub fn square(&self, column: usize) -> f64 {
+        self.at(column, column)
+    }
+
     /// The matrix of some columns and the target.
     pub fn chosen(&self, columns: &[usize]) -> DMatrix<f64> {
         let p = columns.len();
@@ -207,18 +212,6 @@ impl Gram {
             }
         }
         head[(own, columns)] += by * (2.0 * with_target + by * square);
-    }
-
-    /// Adds to the square of a column.
-    pub fn stiffen(&mut self, column: usize, by: f64) {
-        let own = self.0.layout.own;
-        if column < own {
-            self.0.head[(column, column)] += by;
-            return;
-        }
-        let group = self.0.layout.group_of[column - own];
-        let at = column - self.0.layout.groups[group].0;
-        self.0.groups[group][(at, at)] += by;
     }
 
     /// The same with the groups of another of the same own columns behind its own.
@@ -328,7 +321,6 @@ mod tests {
         assert!(both.chosen(&[4, 6])[(0, 1)].is_nan());
         let other = gram.clone();
         gram.add(&other);
-        gram.stiffen(3, 1.0);
-        assert!((gram.chosen(&[3])[(0, 0)] - 2.0 * wanted[(3, 3)] - 1.0).abs() < 1e-12);
+        assert!((gram.square(3) - 2.0 * wanted[(3, 3)]).abs() < 1e-12);
     }
 }

@@ -122,20 +122,35 @@ impl Followed {
         Some(all)
     }
 
-    /// Coordinates and rates of the path at a sample of a stretch, in windows that were followed.
-    pub fn at(&self, setting: &Setting<'_>, stretch: usize, sample: usize) -> Option<Vec<f64>> {
-        let path = self.paths.get(stretch)?;
-        let at = sample.checked_sub(path.first)?;
-        let kept = self.kept(setting)?;
-        let holds = |w: &Window| w.stretch == stretch && (w.first..w.first + w.count).contains(&at);
-        let m = 2 * setting.circle.len();
-        kept.iter().any(holds).then(|| path.states[m * at..m * (at + 1)].to_vec())
+    /// The motion in the windows that were followed until they stood still; none before there are
+    /// any.
+    pub fn settled(&self, setting: &Setting<'_>) -> Option<Settled<'_>> {
+        Some(Settled { paths: &self.paths, kept: self.kept(setting)?, width: 2 * setting.circle.len() })
     }
 
     /// How many windows, and the length of one, s.
     pub fn windows(&self, setting: &Setting<'_>) -> (usize, f64) {
         let step_s = setting.raw.first().map_or(0.0, |s| s.step_s);
         (self.count, self.length.map_or(0.0, |l| l as f64 * step_s))
+    }
+}
+
+/// The motion where it was followed.
+pub struct Settled<'a> {
+    paths: &'a [Path],
+    kept: Vec<Window>,
+    /// Coordinates and rates.
+    width: usize,
+}
+
+impl Settled<'_> {
+    /// Coordinates and rates at a sample of a stretch, where it was followed.
+    pub fn at(&self, stretch: usize, sample: usize) -> Option<Vec<f64>> {
+        let path = self.paths.get(stretch)?;
+        let at = sample.checked_sub(path.first)?;
+        let holds = |w: &Window| w.stretch == stretch && (w.first..w.first + w.count).contains(&at);
+        let m = self.width;
+        self.kept.iter().any(holds).then(|| path.states[m * at..m * (at + 1)].to_vec())
     }
 }
 

@@ -15,14 +15,14 @@ pub fn quieter(setting: &Setting<'_>, state: &State) -> Option<Sensors> {
     let followed = state.followed.as_ref()?;
     let kept = followed.kept(setting)?;
     let n = setting.circle.len();
+    let shown: Vec<Vec<Vec<f64>>> = state.stretches.iter().map(|s| s.sensors(&setting.bound)).collect();
     let mut out = setting.sensors.clone();
     let mut found = false;
     for k in (0..out.sigma.len()).filter(|&k| setting.sensors.count[k].is_none()) {
         let weights = setting.bound.shown.row(k);
         let (mut sum, mut rows) = (0.0, 0.0);
         for w in &kept {
-            let (stretch, path) = (&state.stretches[w.stretch], &followed.paths[w.stretch]);
-            let shown = &stretch.sensors(&setting.bound)[k];
+            let (shown, path) = (&shown[w.stretch][k], &followed.paths[w.stretch]);
             for i in w.first..w.first + w.count {
                 let state = &path.states[2 * n * i..2 * n * i + n];
                 let predicted: f64 = weights.iter().zip(state).map(|(w, q)| w * q).sum();

@@ -58,10 +58,10 @@ fn value(v: &toml::Value) -> Option<f64> {
 /// What a plant gives: the coefficients of a model file; for a system, its parameters, strengths of
 /// its nominal effects, and the coefficients of its written equations.
 fn truths(model: &ModelFile) -> Vec<String> {
-    let Some(mechanism) = &model.mechanism else { return model.coefficients() };
+    let Some(mechanism) = &model.mechanism else { return model.coefficients().to_vec() };
     let derived = |n: &String| mechanism.coefficients.iter().any(|c| c.name == *n);
     let parameters = mechanism.parameters.iter().enumerate().filter(|(k, _)| mechanism.takes_part(*k));
-    let written = model.coefficients().into_iter().filter(|n| !derived(n));
+    let written = model.coefficients().iter().filter(|n| !derived(n)).cloned();
     parameters.map(|(_, p)| p.name.clone()).chain(written).collect()
 }
 

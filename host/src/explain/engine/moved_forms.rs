@@ -102,7 +102,7 @@ impl Step {
 
 /// Adds to candidates, and to their blocks, forms of those that bring most which bring more: beside
 /// the model, and those of laws that refine one that was found and remembers in its place.
-pub fn sharpen(
+pub fn add(
     ground: &Ground<'_>,
     setting: &Setting<'_>,
     state: &State,
@@ -121,11 +121,11 @@ pub fn sharpen(
     if greatest < (1.0 - LEFT_BY_MOVED) * left {
         offered.extend(beside.yielding(ground, setting, state, candidates));
     }
-    let mut better = beside.sharpened(ground, setting, state, offered);
+    let mut better = beside.moved(ground, setting, state, offered);
     // A form that was fitted to what is left comes before others only where it is much of it: a wide
     // magnet takes something of every shape.
     better.retain(|m| m.gain * blocks_left > MUCH_OF_IT * sum(&plain));
-    let mut better: Vec<Candidate> = better.into_iter().map(|m| m.candidate.sharpened()).collect();
+    let mut better: Vec<Candidate> = better.into_iter().map(|m| m.candidate.of_moved_form()).collect();
     let mut at = state.values.len();
     for (k, chosen) in state.chosen.iter().enumerate() {
         let gone = at..at + chosen.strengths.len();
@@ -139,7 +139,7 @@ pub fn sharpen(
         let seat = Seat { rest: own.iter().copied().filter(|c| !gone.contains(c)).collect(), gone };
         // The law in the model was fitted with columns by which its shape is refined, so that the new
         // one has them as well; and without, for where they are too much alike to be fitted.
-        for Moved { candidate, .. } in seat.sharpened(ground, setting, state, seat.offered(state, &found, &all)) {
+        for Moved { candidate, .. } in seat.moved(ground, setting, state, seat.offered(state, &found, &all)) {
             let refined = candidate.clone().refined(setting, &state.physical);
             better.extend(Some(refined).filter(|c| memory::is_followed(setting, c)));
             better.push(candidate);
@@ -219,14 +219,8 @@ impl Seat {
     }
 
     /// Forms that bring more than those of the grid.
-    fn sharpened(
-        &self,
-        ground: &Ground<'_>,
-        setting: &Setting<'_>,
-        state: &State,
-        offered: Vec<Offered>,
-    ) -> Vec<Moved> {
-        let mut open = most_promising(setting, offered, &state.unmoved);
+    fn moved(&self, ground: &Ground<'_>, setting: &Setting<'_>, state: &State, offered: Vec<Offered>) -> Vec<Moved> {
+        let mut open = most_promising(setting, offered, &state.moved_in_vain);
         // In the place of a law that was fitted with its shape a form has to be as near.
         let rounds = if self.gone.is_empty() { ROUNDS } else { ROUNDS_INSTEAD };
         for _ in 0..rounds {
@@ -254,7 +248,7 @@ impl Seat {
 
 /// The best form of each effect that has shape parameters to be moved, for those that bring most and
 /// were not moved in vain.
-fn most_promising(setting: &Setting<'_>, offered: Vec<Offered>, unmoved: &[String]) -> Vec<Moved> {
+fn most_promising(setting: &Setting<'_>, offered: Vec<Offered>, in_vain: &[String]) -> Vec<Moved> {
     let mut best: BTreeMap<String, usize> = BTreeMap::new();
     for (i, o) in offered.iter().enumerate() {
         let entry = best.entry(o.candidate.name(setting)).or_insert(i);
@@ -272,7 +266,7 @@ fn most_promising(setting: &Setting<'_>, offered: Vec<Offered>, unmoved: &[Strin
         let named = |k: &usize| offered[*k].p_value * (offered.len() as f64) < OF_A_FAMILY;
         let base = simpler.and_then(|name| best.get(&name).copied()).filter(named).map(|k| offered[k].gain);
         let refines_well = base.is_none_or(|base| base < (1.0 - AS_GOOD) * o.gain);
-        let stays = of_lines || unmoved.contains(&c.name(setting));
+        let stays = of_lines || in_vain.contains(&c.name(setting));
         brings && refines_well && !stays && c.entry.bounded_shapes().next().is_some()
     };
     let mut order: Vec<usize> = best.values().copied().filter(is_moved).collect();
