@@ -144,7 +144,7 @@ mod tests {
 
     use super::*;
     use crate::model::double_pendulum::DAMPINGS;
-    use crate::model::dynamics::{Instant, Linearisation};
+    use crate::model::dynamics::{Here, Instant, Linearisation};
 
     /// What is compiled by hand moves as the equations that are written out, free and driven, with
     /// every damping; its partials too.
@@ -179,7 +179,7 @@ mod tests {
                     let signs: Vec<f64> = d.switches().iter().map(|w| rate(w).signum()).collect();
                     let (mut a, mut by) = ([0.0; 2], vec![0.0; 2 * width]);
                     let out = Linearisation { acceleration: &mut a, partials: &mut by };
-                    assert!(d.linearise_held(&p, &q, &v, &at, &signs, out));
+                    assert!(d.linearise_held(Here { parameters: &p, q: &q, v: &v, at: &at, signs: &signs }, out));
                     a.into_iter().chain(by).collect::<Vec<f64>>()
                 };
                 for (a, b) in run(&*compiled).iter().zip(run(&*plain)) {

@@ -20,7 +20,7 @@ mod switching;
 
 pub use self::outside::{Inputs, Outside};
 use self::switching::HeldSigns;
-use super::dynamics::{Dynamics, Instant, Linearisation};
+use super::dynamics::{Dynamics, Here, Instant, Linearisation};
 
 /// Nodes of the stages.
 const C: [f64; 7] = [0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0];
@@ -270,7 +270,6 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
         let out = &mut stages[k];
         let instant = self.instant(time, inputs);
         let (q, v) = y[..2 * n].split_at(n);
-        let p = self.parameters;
         let width = partials.len() / n.max(1);
         for (s, m) in signs.iter_mut().zip(modes.iter()) {
             *s = m.value();
@@ -278,7 +277,8 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
         // Sticking joints: the sign that keeps the rate zero, one joint after the other (the laws
         // are linear in each sign).
         let stuck = modes.contains(&Mode::Sticks);
-        let held = HeldSigns { dynamics: self.dynamics, parameters: p, q, v, at: &instant };
+        let here = Here { parameters: self.parameters, q, v, at: &instant, signs: &[] };
+        let held = HeldSigns { dynamics: self.dynamics, here };
         if stuck {
             for _ in 0..2 {
                 for s in 0..modes.len() {
@@ -291,10 +291,10 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
         let (head, tail) = out.split_at_mut(2 * n);
         head[..n].copy_from_slice(v);
         if w == 0 {
-            return self.dynamics.acceleration_held(p, q, v, &instant, signs, &mut head[n..]);
+            return self.dynamics.acceleration_held(Here { signs, ..here }, &mut head[n..]);
         }
         let both = Linearisation { acceleration: &mut head[n..], partials };
-        if !self.dynamics.linearise_held(p, q, v, &instant, signs, both) {
+        if !self.dynamics.linearise_held(Here { signs, ..here }, both) {
             return false;
         }
         if stuck {

@@ -119,6 +119,7 @@ pub fn solve<D: Dynamics + ?Sized>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::dynamics::Here;
 
     /// q̈ = −ω² q − c sign q̇ + u.
     struct Oscillator;
@@ -130,7 +131,7 @@ mod tests {
         fn parameter_count(&self) -> usize {
             2
         }
-        fn acceleration(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
+        fn acceleration_held(&self, Here { parameters: p, q, v, at, .. }: Here<'_>, out: &mut [f64]) -> bool {
             let sign = if v[0] == 0.0 { 0.0 } else { v[0].signum() };
             out[0] = -p[0] * p[0] * q[0] - p[1] * sign + at.inputs[0];
             out[0].is_finite()

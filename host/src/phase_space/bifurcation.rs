@@ -72,7 +72,7 @@ pub fn bifurcation<D: Dynamics + ?Sized>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::dynamics::Instant;
+    use crate::model::dynamics::Here;
 
     /// The horizontally driven pendulum of (2.1): θ″ = −c θ′ − w sin θ + f sin τ cos θ at Ω = 1.
     struct Pendulum;
@@ -84,7 +84,7 @@ mod tests {
         fn parameter_count(&self) -> usize {
             1
         }
-        fn acceleration(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
+        fn acceleration_held(&self, Here { parameters: p, q, v, at, .. }: Here<'_>, out: &mut [f64]) -> bool {
             out[0] = -0.036 * v[0] - 1.44 * q[0].sin() + p[0] * at.tau.sin() * q[0].cos();
             true
         }

@@ -112,7 +112,7 @@ pub fn horizon<D: Dynamics + ?Sized>(
 mod tests {
     use super::*;
     use crate::identify::shooting::zeros::Zeros;
-    use crate::model::dynamics::Instant;
+    use crate::model::dynamics::Here;
 
     #[test]
     fn quantiles_lie_between_values() {
@@ -131,7 +131,7 @@ mod tests {
         fn parameter_count(&self) -> usize {
             1
         }
-        fn acceleration(&self, p: &[f64], q: &[f64], _: &[f64], _: &Instant<'_>, out: &mut [f64]) -> bool {
+        fn acceleration_held(&self, Here { parameters: p, q, .. }: Here<'_>, out: &mut [f64]) -> bool {
             out[0] = p[0] * q[0];
             true
         }
