@@ -17,7 +17,7 @@ use crate::model::identified::IdentifiedModel;
 use crate::motion::from_record::Begin;
 use crate::motion::{Motion, simulation};
 use crate::phase_space::model_exponent::of_model;
-use crate::record::{Column, Losses, Record, Segment};
+use crate::record::{Column, Record, Segment};
 
 /// Time that a motion is given to come to its attractor, in periods of the drive (by hand).
 pub const SETTLE_PERIODS: f64 = 60.0;
@@ -184,26 +184,8 @@ pub fn record(own: &Own, made: &Made<'_>) -> Result<Record> {
         }
     };
     let columns: Vec<Column> = columns.into_iter().enumerate().map(cut).collect();
-    let segment = Segment {
-        first_tick: first as i64,
-        boot: 0,
-        start_s: first as f64 * step_s,
-        step_s,
-        jitter_s: 0.0,
-        columns,
-        phase: None,
-        amplitude_nm: None,
-    };
-    Ok(Record {
-        path: "(planned)".into(),
-        sample_rate_hz: own.rig.sample_rate_hz,
-        channels: own.rig.channel.clone(),
-        losses: Losses { received: (count - first) as u64, ..Losses::default() },
-        segments: vec![segment],
-        warnings: Vec::new(),
-        metadata: None,
-        numbering: None,
-    })
+    let segment = Segment { first_tick: first as i64, ..Segment::new(first as f64 * step_s, step_s, columns) };
+    Ok(Record::of("(planned)", &own.rig, vec![segment]))
 }
 
 #[cfg(test)]

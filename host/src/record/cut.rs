@@ -109,25 +109,19 @@ mod tests {
     use super::*;
 
     fn record() -> Record {
-        let segment = |first_tick: i64, n: i32, boot: u32| Segment {
-            first_tick,
-            boot,
-            start_s: first_tick as f64 * 0.002,
-            step_s: 0.002,
-            jitter_s: 0.0,
-            columns: vec![Column::Counts((0..n).collect()), Column::Values(vec![0.5; n as usize])],
-            phase: Some((0..n as u32).collect()),
-            amplitude_nm: Some((0..n as u32).map(|i| 7 * i).collect()),
+        let segment = |first_tick: i64, n: i32, boot: u32| {
+            let columns = vec![Column::Counts((0..n).collect()), Column::Values(vec![0.5; n as usize])];
+            let phase = Some((0..n as u32).collect());
+            let amplitude_nm = Some((0..n as u32).map(|i| 7 * i).collect());
+            let start_s = first_tick as f64 * 0.002;
+            Segment { first_tick, boot, phase, amplitude_nm, ..Segment::new(start_s, 0.002, columns) }
         };
         Record {
             path: "r.csv".into(),
             sample_rate_hz: 500.0,
-            channels: Vec::new(),
             segments: vec![segment(500, 500, 0), segment(1100, 400, 1)],
             losses: Losses { received: 900, overruns: 100, ..Losses::default() },
-            warnings: Vec::new(),
-            metadata: None,
-            numbering: None,
+            ..Record::default()
         }
     }
 

@@ -67,7 +67,7 @@ use crate::suspects::Numbering;
 use crate::warning::Warning;
 
 /// A measured record.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Record {
     /// File it was read from.
     pub path: PathBuf,
@@ -147,6 +147,11 @@ impl Column {
 }
 
 impl Segment {
+    /// Columns of equal length, of which nothing else was recorded.
+    pub fn new(start_s: f64, step_s: f64, columns: Vec<Column>) -> Self {
+        Self { first_tick: 0, boot: 0, start_s, step_s, jitter_s: 0.0, columns, phase: None, amplitude_nm: None }
+    }
+
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.columns.first().map_or(0, Column::len)
@@ -289,6 +294,19 @@ impl Metadata {
 }
 
 impl Record {
+    /// Segments of all of a rig's channels, at its rate and without a loss.
+    pub fn of(path: impl Into<PathBuf>, rig: &Rig, segments: Vec<Segment>) -> Self {
+        let received = segments.iter().map(|s| s.len() as u64).sum();
+        Self {
+            path: path.into(),
+            sample_rate_hz: rig.sample_rate_hz,
+            channels: rig.channel.clone(),
+            segments,
+            losses: Losses { received, ..Losses::default() },
+            ..Self::default()
+        }
+    }
+
     /// Reads a record in any of [`formats::FORMATS`], told apart by content and extension.
     ///
     /// # Errors

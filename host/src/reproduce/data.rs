@@ -16,7 +16,7 @@ use crate::identify::harmonic_balance::orbit::Orbit;
 use crate::identify::harmonic_balance::orbits;
 use crate::identify::harmonic_balance::settings::{Orbits, Settings};
 use crate::identify::{Identification, Settings as WeakSettings, built_in, harmonic_balance, identify, stretches};
-use crate::record::{Column, Losses, Record, Segment};
+use crate::record::{Column, Record, Segment};
 use crate::rig::Rig;
 use crate::rig::plant::Plant;
 
@@ -62,25 +62,7 @@ impl Data {
 
 /// A record of one unbroken segment.
 fn record(rig: &Rig, step_s: f64, columns: Vec<Column>, phase: Option<Vec<u32>>) -> Record {
-    Record {
-        path: rig.path.clone(),
-        sample_rate_hz: rig.sample_rate_hz,
-        channels: rig.channel.clone(),
-        segments: vec![Segment {
-            first_tick: 0,
-            boot: 0,
-            start_s: 0.0,
-            step_s,
-            jitter_s: 0.0,
-            columns,
-            phase,
-            amplitude_nm: None,
-        }],
-        losses: Losses::default(),
-        warnings: Vec::new(),
-        metadata: None,
-        numbering: None,
-    }
+    Record::of(rig.path.clone(), rig, vec![Segment { phase, ..Segment::new(0.0, step_s, columns) }])
 }
 
 /// Samples a drive period of the single pendulum, as in the seed.

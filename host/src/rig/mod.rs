@@ -286,23 +286,13 @@ impl Rig {
 
     /// A rig of columns as they stand, of which nothing is known yet: no model, no unit, no rate.
     pub fn of_columns(columns: &[String], time: TimeChoice) -> Self {
-        let channel = |name: &String| Channel {
-            name: name.clone(),
-            measures: name.clone(),
-            unit: "1".to_owned(),
-            counts_per_turn: None,
-            gain: None,
-            offset: None,
-            index_at: None,
-            stuck: None,
-        };
         Self {
             name: "columns".to_owned(),
             model: String::new(),
             sample_rate_hz: UNKNOWN_RATE,
             time,
             drive: None,
-            channel: columns.iter().map(channel).collect(),
+            channel: columns.iter().map(|name| Channel::new(name, "1")).collect(),
             known: BTreeMap::new(),
             nominal: None,
             effects: Vec::new(),

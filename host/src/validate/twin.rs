@@ -87,20 +87,9 @@ impl Twin<'_> {
             path: PathBuf::from("simulated by the identified model"),
             sample_rate_hz: like.sample_rate_hz,
             channels,
-            segments: vec![Segment {
-                first_tick: 0,
-                boot: 0,
-                start_s: stretch.start_s,
-                step_s: stretch.step_s,
-                jitter_s: 0.0,
-                columns,
-                phase,
-                amplitude_nm: None,
-            }],
+            segments: vec![Segment { phase, ..Segment::new(stretch.start_s, stretch.step_s, columns) }],
             losses: Losses { received: count as u64, ..Losses::default() },
-            warnings: Vec::new(),
-            metadata: None,
-            numbering: None,
+            ..Record::default()
         })
     }
 }

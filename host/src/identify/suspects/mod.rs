@@ -234,9 +234,7 @@ fn beginning(records: &[Record], seconds: f64) -> Vec<Record> {
             channels: record.channels.clone(),
             segments,
             losses: record.losses.clone(),
-            warnings: Vec::new(),
-            metadata: None,
-            numbering: None,
+            ..Record::default()
         });
     }
     out
@@ -264,7 +262,6 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::record::Losses;
 
     /// φ̈ = −φ̇ c − b sin φ for 2000 s, with a period of ten where it swings little, 20 samples a
     /// second and noise of 0.03 rad; a slower pendulum has the same samples at other times.
@@ -288,26 +285,8 @@ mod tests {
             state = along(state, [sum(0), sum(1)], step);
             now
         });
-        let segment = Segment {
-            first_tick: 0,
-            boot: 0,
-            start_s: 0.0,
-            step_s: slower * step,
-            jitter_s: 0.0,
-            columns: vec![Column::Values(shown.collect())],
-            phase: None,
-            amplitude_nm: None,
-        };
-        Record {
-            path: "r.csv".into(),
-            sample_rate_hz: 1.0 / segment.step_s,
-            channels: rig.channel.clone(),
-            segments: vec![segment],
-            losses: Losses::default(),
-            warnings: Vec::new(),
-            metadata: None,
-            numbering: None,
-        }
+        let segment = Segment::new(0.0, slower * step, vec![Column::Values(shown.collect())]);
+        Record { sample_rate_hz: 1.0 / segment.step_s, ..Record::of("r.csv", rig, vec![segment]) }
     }
 
     fn rig(slower: f64) -> Rig {
