@@ -70,20 +70,7 @@ fn record(rig: &Rig, columns: [Vec<i32>; 2]) -> Record {
 /// The record with samples `from..to` taken out.
 fn with_gap(mut record: Record, from: usize, to: usize) -> Record {
     let whole = record.segments.remove(0);
-    let cut = |a: usize, b: usize| Segment {
-        first_tick: a as i64,
-        start_s: whole.time(a),
-        columns: whole
-            .columns
-            .iter()
-            .map(|c| match c {
-                Column::Counts(c) => Column::Counts(c[a..b].to_vec()),
-                Column::Values(v) => Column::Values(v[a..b].to_vec()),
-            })
-            .collect(),
-        ..whole.clone()
-    };
-    record.segments = vec![cut(0, from), cut(to, whole.len())];
+    record.segments = vec![whole.rows(0..from), whole.rows(to..whole.len())];
     record.losses.received -= (to - from) as u64;
     record.losses.lost_on_link += (to - from) as u64;
     record.losses.gaps = 1;

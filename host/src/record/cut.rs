@@ -1,6 +1,6 @@
 //! A part of a record, by its own time t: from ≤ t < to.
 
-use super::{Column, Losses, Record, Segment};
+use super::{Losses, Record, Segment};
 use crate::error::{BadInput, Result};
 
 /// Which part of a record is used, s; all of it without bounds.
@@ -86,26 +86,12 @@ fn of_segment(s: &Segment, part: &Part) -> Option<Segment> {
         None => without,
     };
     let rows = before(part.from_s, 0)..before(part.to_s, s.len());
-    if rows.is_empty() {
-        return None;
-    }
-    let of = |words: &Option<Vec<u32>>| words.as_ref().map(|w| w[rows.clone()].to_vec());
-    let columns = s.columns.iter().map(|column| match column {
-        Column::Counts(c) => Column::Counts(c[rows.clone()].to_vec()),
-        Column::Values(v) => Column::Values(v[rows.clone()].to_vec()),
-    });
-    Some(Segment {
-        first_tick: s.first_tick.saturating_add(rows.start as i64),
-        start_s: s.time(rows.start),
-        columns: columns.collect(),
-        phase: of(&s.phase),
-        amplitude_nm: of(&s.amplitude_nm),
-        ..s.clone()
-    })
+    (!rows.is_empty()).then(|| s.rows(rows))
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::Column;
     use super::*;
 
     fn record() -> Record {

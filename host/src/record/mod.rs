@@ -50,6 +50,7 @@ mod unwrap;
 pub mod values;
 pub mod writer;
 
+use core::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -165,6 +166,28 @@ impl Segment {
     /// Samples · step, s.
     pub fn duration_s(&self) -> f64 {
         self.len() as f64 * self.step_s
+    }
+
+    /// The samples of these rows.
+    ///
+    /// # Panics
+    /// Rows that are not the segment's.
+    pub fn rows(&self, rows: Range<usize>) -> Self {
+        let words = |of: &Option<Vec<u32>>| of.as_ref().map(|w| w[rows.clone()].to_vec());
+        let columns = self.columns.iter().map(|column| match column {
+            Column::Counts(c) => Column::Counts(c[rows.clone()].to_vec()),
+            Column::Values(v) => Column::Values(v[rows.clone()].to_vec()),
+        });
+        Self {
+            first_tick: self.first_tick.saturating_add(rows.start as i64),
+            boot: self.boot,
+            start_s: self.time(rows.start),
+            step_s: self.step_s,
+            jitter_s: self.jitter_s,
+            columns: columns.collect(),
+            phase: words(&self.phase),
+            amplitude_nm: words(&self.amplitude_nm),
+        }
     }
 
     /// Time of sample i, s.

@@ -24,7 +24,7 @@ mod undo;
 use crate::error::BadInput;
 use crate::identify::Identification;
 use crate::identify::geometry::drive_window_s;
-use crate::record::{Column, Record, Segment};
+use crate::record::Record;
 use crate::rig::Rig;
 use crate::warning::Warning;
 use arrow::NamedCoefficient;
@@ -223,7 +223,7 @@ fn beginning(records: &[Record], seconds: f64) -> Vec<Record> {
                 break;
             }
             left -= n as f64 * s.step_s;
-            segments.push(head(s, n));
+            segments.push(s.rows(0..n));
         }
         if segments.is_empty() {
             break;
@@ -240,28 +240,12 @@ fn beginning(records: &[Record], seconds: f64) -> Vec<Record> {
     out
 }
 
-fn head(s: &Segment, n: usize) -> Segment {
-    let column = |c: &Column| match c {
-        Column::Counts(x) => Column::Counts(x[..n].to_vec()),
-        Column::Values(x) => Column::Values(x[..n].to_vec()),
-    };
-    Segment {
-        first_tick: s.first_tick,
-        start_s: s.start_s,
-        step_s: s.step_s,
-        jitter_s: s.jitter_s,
-        columns: s.columns.iter().map(column).collect(),
-        phase: s.phase.as_ref().map(|p| p[..n].to_vec()),
-        amplitude_nm: s.amplitude_nm.as_ref().map(|a| a[..n].to_vec()),
-        boot: s.boot,
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::record::{Column, Segment};
 
     /// φ̈ = −φ̇ c − b sin φ for 2000 s, with a period of ten where it swings little, 20 samples a
     /// second and noise of 0.03 rad; a slower pendulum has the same samples at other times.
