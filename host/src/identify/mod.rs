@@ -62,7 +62,6 @@ use crate::rig::Rig;
 
 pub use prepared::{Geometry, Prepared, prepare};
 pub use result::{Details, ERROR_BOUND, Identification, Parameter, RecordUse, Residuals};
-pub use system::dampings;
 pub use weak_form::weak_form;
 
 /// Methods of identification: name, what it does.

@@ -18,7 +18,8 @@
 //!
 //! Limits: no accelerations where B11 B21 cos² Δ ≥ 1, which no two rigid arms have.
 
-use super::double_pendulum::{Base, Damping, coefficients};
+use super::damping::Damping;
+use super::double_pendulum::{Base, coefficients};
 use super::dynamics::{Dynamics, Here, Linearisation};
 use crate::signal::sin_cos::four;
 

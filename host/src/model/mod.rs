@@ -1,5 +1,6 @@
 //! Equations of motion in the form that identification uses: linear in their unknown coefficients.
 
+pub mod damping;
 pub mod double_pendulum;
 pub mod double_pendulum_dynamics;
 pub mod dynamics;
