@@ -21,7 +21,7 @@ use crate::effects::put_in;
 use crate::error::{BadInput, Result};
 use crate::model::integrate::{Outside, Settings, solve};
 use crate::record::Column;
-use crate::record::values::write_values;
+use crate::record::values::{column, write_values};
 use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
 use crate::signal::band_limited::BandLimited;
@@ -143,16 +143,9 @@ pub fn columns(rig: &Rig, bound: &ObservedModel, effects: &[String], seconds: f6
         .map(|(k, c)| {
             rng.set_stream(k as u64);
             let shown: Vec<f64> = match bound.inputs.iter().position(|&i| i == k) {
-                Some(input) if bound.base == Some(input) && c.unit != "m/s2" => {
-                    return Err(BadInput::new(
-                        format!("unit \"{}\"", c.unit),
-                        "unit \"m/s2\" for a base that is simulated",
-                    )
-                    .in_file(&rig.path)
-                    .at(format!("channel \"{}\"", c.name))
-                    .remedy("[plant] gives the base's acceleration, of which no position is written"));
-                }
                 Some(input) => {
+                    let remedy = "[plant] gives the base's acceleration, of which no position is written";
+                    bound.refuse_base_position(rig, input, remedy)?;
                     recorded(&surroundings, input, model.inputs.len(), &of(&put_in.records, input), step, count)
                 }
                 None => {
@@ -162,12 +155,7 @@ pub fn columns(rig: &Rig, bound: &ObservedModel, effects: &[String], seconds: f6
             };
             let scale = c.scale();
             let noisy = shown.into_iter().map(|x| x / scale + plant.noise[k] * gauss(&mut rng));
-            if c.unit != "count" {
-                return Ok(Column::Values(noisy.collect()));
-            }
-            let counts: Option<Vec<i32>> =
-                noisy.map(|x| Some(x.floor()).filter(|x| x.abs() < f64::from(i32::MAX)).map(|x| x as i32)).collect();
-            counts.map(Column::Counts).ok_or_else(|| {
+            column(c, noisy).ok_or_else(|| {
                 BadInput::new("an angle beyond 32 bits of counts", "fewer turns").in_file(&rig.path).at("[plant]")
             })
         })
