@@ -25,10 +25,6 @@ const MOST_HALVINGS: u32 = 10;
 const ROUNDING: f64 = 1e-9;
 /// Time over which the step is sought, s.
 const SOUGHT_S: f64 = 1.0;
-/// Longest simulation, s, and most samples.
-pub const LONGEST_S: f64 = 86_400.0;
-/// Most samples.
-pub const MOST_SAMPLES: f64 = 2e7;
 
 /// A solution at even times.
 #[derive(Clone, Debug, PartialEq)]

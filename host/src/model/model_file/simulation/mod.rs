@@ -22,13 +22,10 @@ use crate::error::{BadInput, Result};
 use crate::model::integrate::{Outside, Settings, solve};
 use crate::record::Column;
 use crate::record::values::{column, write_values};
-use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
+use crate::rig::{MOST_SAMPLES, Rig, check_seconds};
 use crate::signal::band_limited::BandLimited;
 
-/// Longest simulated record, s, and most samples.
-const LONGEST_S: f64 = 86_400.0;
-const MOST_SAMPLES: f64 = 2e7;
 /// Error of one step.
 const TOLERANCE: f64 = 1e-10;
 /// Steps within one sampling interval at most: how finely reversals under dry friction are placed.
@@ -84,10 +81,7 @@ impl Outside for Surroundings {
 /// A plant that is missing or cannot be integrated, seconds out of range.
 pub fn columns(rig: &Rig, bound: &ObservedModel, effects: &[String], seconds: f64, seed: u64) -> Result<Vec<Column>> {
     let rate = rig.sample_rate_hz;
-    if !(seconds > 0.0 && seconds <= LONGEST_S && seconds * rate <= MOST_SAMPLES) {
-        let most = LONGEST_S.min(MOST_SAMPLES / rate);
-        return Err(BadInput::new(seconds.to_string(), format!("seconds above 0, at most {most}")).at("--seconds"));
-    }
+    check_seconds(seconds, rate, MOST_SAMPLES)?;
     let model = &*bound.model;
     let plant = Plant::of(rig, model, seconds, seed)?;
     let span = Span { start_s: 0.0, length_s: seconds };
