@@ -254,7 +254,7 @@ pub(super) fn periodic(repetition: f64, part: &str, rig: &Rig, bound: &ObservedM
 }
 
 /// The warning where windows are too few for a jackknife.
-fn few_windows(solution: &Solution, windows: usize) -> Option<Warning> {
+pub(super) fn few_windows(solution: &Solution, windows: usize) -> Option<Warning> {
     (solution.blocks == 0).then(|| {
         Warning::new(
             "few-windows",
