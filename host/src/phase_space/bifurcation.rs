@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::{Flow, Outside, Work};
+use crate::model::model_file::equations_of_motion::wrapped;
 
 /// Choices.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -57,7 +58,7 @@ pub fn bifurcation<D: Dynamics + ?Sized>(
                     }
                     if i >= settings.settle {
                         let wrap = |(i, x): (usize, &f64)| match angles.get(i) {
-                            Some(true) => x - TAU * (x / TAU + 0.5).floor(),
+                            Some(true) => wrapped(*x),
                             _ => *x,
                         };
                         out.push(work.state().iter().enumerate().map(wrap).collect());
