@@ -220,7 +220,7 @@ pub fn identify(records: &[RowsRecord], rig: &Rig) -> Result<Identification> {
             .map(|e| Residuals {
                 frequency_step_hz: 1.0 / length_s,
                 rms: solution.residual_rms[e].clone(),
-                dots: regression::residual_dots(&rows, e, &solution.coefficients[e], 2000),
+                dots: regression::residual_dots(&rows, e, &solution.coefficients[e]),
             })
             .collect(),
         ..Identification::default()

@@ -177,7 +177,7 @@ impl Fitted {
         let residuals = |e: usize| Residuals {
             frequency_step_hz: 1.0 / windows.length_s,
             rms: solution.residual_rms[e].clone(),
-            dots: regression::residual_dots(&rows, e, &plain[e], 2000),
+            dots: regression::residual_dots(&rows, e, &plain[e]),
         };
         Ok(Identification {
             model: model.name.clone(),

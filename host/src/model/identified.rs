@@ -308,11 +308,11 @@ fn take_text(table: &mut Table, prefix: &str, name: &str) -> Result<String> {
     }
 }
 
-fn take_number(table: &mut Table, prefix: &str, name: &str) -> Result<f64> {
-    let place = format!("{prefix}{name}");
-    match table.remove(name) {
+fn take_value(table: &mut Table, prefix: &str) -> Result<f64> {
+    let place = format!("{prefix}value");
+    match table.remove("value") {
         Some(v) => finite(&v).ok_or_else(|| bad(place, &v, "a finite number")),
-        None => Err(BadInput::new(format!("no {name}"), "a finite number").at(place)),
+        None => Err(BadInput::new("no value", "a finite number").at(place)),
     }
 }
 
@@ -344,7 +344,7 @@ fn parameters(table: Table) -> Result<Vec<Parameter>> {
             let Value::Table(mut t) = v else {
                 return Err(bad(format!("parameters.{name}"), &v, "{ value = …, std_error = …, unit = \"…\" }"));
             };
-            let value = take_number(&mut t, &prefix, "value")?;
+            let value = take_value(&mut t, &prefix)?;
             let std_error = take_error(&mut t, &prefix)?;
             let unit = if t.contains_key("unit") { take_text(&mut t, &prefix, "unit")? } else { "1".to_owned() };
             nothing_left(&t, &prefix, "value, std_error, unit")?;
@@ -360,7 +360,7 @@ fn effect(index: usize, v: Value) -> Result<AddedEffect> {
     };
     let id = take_text(&mut t, &prefix, "id")?;
     let at = take_text(&mut t, &prefix, "at")?;
-    let value = take_number(&mut t, &prefix, "value")?;
+    let value = take_value(&mut t, &prefix)?;
     let std_error = take_error(&mut t, &prefix)?;
     let unit = take_text(&mut t, &prefix, "unit")?;
     let strengths = match t.remove("strengths") {

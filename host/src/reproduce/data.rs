@@ -67,6 +67,8 @@ fn record(rig: &Rig, step_s: f64, columns: Vec<Column>, phase: Option<Vec<u32>>)
 
 /// Samples a drive period of the single pendulum, as in the seed.
 pub const SINGLE_PERIOD: usize = 25;
+/// Samples of its record, as in the seed.
+const SINGLE_SAMPLES: usize = 30_000;
 
 /// Rig and plant of the single pendulum, dimensionless: Ω = 1 rad/s, so that a second is a unit of
 /// τ.
@@ -80,12 +82,12 @@ fn single_rig() -> Result<Rig> {
     Rig::parse(&text, Path::new("single pendulum"))
 }
 
-/// The single pendulum's record: `samples` at 25 a period after 40 periods of settling, with
+/// The single pendulum's record, 25 samples a period after 40 periods of settling, with
 /// uniform noise of ± `noise` rad.
 ///
 /// # Errors
 /// A plant that cannot be integrated.
-pub fn single_with(samples: usize, noise: f64, seed: u64) -> Result<Data> {
+pub fn single_with(noise: f64, seed: u64) -> Result<Data> {
     let rig = single_rig()?;
     let step = TAU / SINGLE_PERIOD as f64;
     let settle = 40 * SINGLE_PERIOD;
@@ -96,8 +98,8 @@ pub fn single_with(samples: usize, noise: f64, seed: u64) -> Result<Data> {
     // Tighter than the plants' usual tolerance: the clean record is to tell methods apart to ten
     // digits.
     let mut integrator = Integrator::new(Tolerance { absolute: [1e-14; 2], relative: [0.0; 2] });
-    let (mut state, mut exact) = (start, Vec::with_capacity(samples));
-    for i in 0..settle + samples {
+    let (mut state, mut exact) = (start, Vec::with_capacity(SINGLE_SAMPLES));
+    for i in 0..settle + SINGLE_SAMPLES {
         if i >= settle {
             exact.push(state[0]);
         }
@@ -129,13 +131,13 @@ fn kept(cell: &'static OnceLock<Result<Data>>, make: fn() -> Result<Data>) -> Re
 /// The seed's 30 000 points without noise.
 pub fn single() -> Result<&'static Data> {
     static DATA: OnceLock<Result<Data>> = OnceLock::new();
-    kept(&DATA, || single_with(30_000, 0.0, 1))
+    kept(&DATA, || single_with(0.0, 1))
 }
 
 /// The same with 10 % uniform noise.
 pub fn single_noisy() -> Result<&'static Data> {
     static DATA: OnceLock<Result<Data>> = OnceLock::new();
-    kept(&DATA, || single_with(30_000, TEN_PERCENT, 1))
+    kept(&DATA, || single_with(TEN_PERCENT, 1))
 }
 
 /// A record of a double pendulum given as a rig file's text with [plant].
