@@ -288,7 +288,7 @@ fn input_weights(
 /// there, and what the model lacks is then weighed as in a plain least squares of the right-hand
 /// side (a weight by the residual itself would turn away from the frequencies at which the system
 /// moves).
-pub(crate) fn noise_weights(
+fn noise_weights(
     rows: &[WindowRows],
     terms: &[usize],
     frequencies: usize,

@@ -201,7 +201,7 @@ impl Motion {
 }
 
 /// Weights c_{−m} … c_m of the cubic slope.
-pub fn slope_weights(m: usize) -> Vec<f64> {
+fn slope_weights(m: usize) -> Vec<f64> {
     let m = m.max(2) as i64;
     let moment = |p: i32| (-m..=m).map(|i| (i as f64).powi(p)).sum::<f64>();
     let (s2, s4, s6) = (moment(2), moment(4), moment(6));

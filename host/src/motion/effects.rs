@@ -225,7 +225,7 @@ fn is_finite(of: &Node) -> bool {
 ///
 /// # Errors
 /// Other equations than the rig's, an effect that there is not.
-pub fn of_coordinates(own: &IdentifiedModel, identified: &IdentifiedModel, rig: &Rig) -> Result<Vec<Effect>> {
+fn of_coordinates(own: &IdentifiedModel, identified: &IdentifiedModel, rig: &Rig) -> Result<Vec<Effect>> {
     let Some(bound) = &rig.bound else { return Ok(Vec::new()) };
     let found = at_coordinates::of(own, &bound.model)?;
     let list = found.into_iter().zip(&identified.effects);

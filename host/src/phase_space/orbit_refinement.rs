@@ -23,7 +23,7 @@ use crate::model::flow::{Flow, Work};
 const MOST_ROUNDS: usize = 40;
 /// Size of the closing error, rad (and rad/s over the drive's angular frequency), at which an orbit
 /// counts as periodic.
-pub const CLOSED: f64 = 1e-9;
+const CLOSED: f64 = 1e-9;
 
 /// A periodic orbit of a model.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
 
 /// Highest harmonic looked for.
-pub const MOST_HARMONICS: usize = 15;
+const MOST_HARMONICS: usize = 15;
 /// Most samples in a release: a fit holds some thirty numbers for each.
 pub const MOST_SAMPLES: usize = 1 << 18;
 /// Least number of periods in a record for a fit.

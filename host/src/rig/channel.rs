@@ -103,7 +103,7 @@ impl Channel {
     }
 
     /// Whether values are taken as they stand.
-    pub fn is_plain(&self) -> bool {
+    fn is_plain(&self) -> bool {
         self.gain.unwrap_or(1.0) == 1.0 && self.offset.unwrap_or(0.0) == 0.0
     }
 

@@ -9,7 +9,7 @@
 use super::trace::quantile;
 
 /// Probability with which a record without a fault is to pass a limit.
-pub const FAMILY: f64 = 1e-6;
+const FAMILY: f64 = 1e-6;
 
 /// The limit for `trials` looks, from values at chance places (at least [`FEWEST`]).
 pub fn limit(values: &mut [f64], trials: usize) -> Option<f64> {
