@@ -195,7 +195,6 @@ pub fn identify(records: &[RowsRecord], rig: &Rig) -> Result<Identification> {
         parameters,
         identification_error: solution.error.clone(),
         equations_used: regression::rows_used(&rows, model.equations.len(), frequencies),
-        equations_dropped: 0,
         groups_not_separable: identifiability::groups_not_separable(&names, &values, covariance),
         record: RecordUse {
             // Under the windows: at most some 10⁸.

@@ -72,7 +72,7 @@ pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<B
     };
     let settings = Settings::default();
     let pace = Pace { period_s: period_s(&motion.rig, &prepared), omega };
-    let starts = Starts::new(&identified, followed, motion.circle(), pace, &settings);
+    let starts = Starts::new(&identified, followed, motion.file.circle(), pace, &settings);
     let mut state = starts.first_state(followed, 0).ok_or_else(|| {
         BadInput::new(
             format!("no solution of the model that follows the record from t = {at} s"),
@@ -82,7 +82,7 @@ pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<B
         .remedy("Begin elsewhere with --start, or give the model that was identified on this record")
     })?;
     // Pieces lose their whole turns.
-    for (k, _) in motion.circle().into_iter().enumerate().filter(|c| c.1) {
+    for (k, _) in motion.file.circle().into_iter().enumerate().filter(|c| c.1) {
         let turns = (measured[k] - state[k]) / core::f64::consts::TAU;
         state[k] += core::f64::consts::TAU * turns.round();
     }

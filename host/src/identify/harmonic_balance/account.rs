@@ -239,9 +239,7 @@ pub fn identification(
             stop_hz: cut_off,
             sign_pass_hz: cut_off,
             noise_rad: vec![0.0; bound.sensors.len()],
-            noise_bias: Vec::new(),
             condition: balance.fits.iter().map(|f| f.condition).collect(),
-            repetition: 0.0,
             jackknife_blocks: balance.blocks,
             ties_misfit,
             ..Details::default()
