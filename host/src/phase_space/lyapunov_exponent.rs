@@ -5,8 +5,7 @@
 //! the Theiler window; the exponent is the slope of S over the samples in which it rises in a
 //! straight line, divided by the sampling step.
 //!
-//! **Fit window.** S leaves the first distance as the difference turns into the growing
-//! direction,
+//! **Fit window.** S leaves the first distance as the difference turns into the growing direction,
 //! and it saturates at S_∞, the mean of ln of the distance of unrelated vectors. The window ends
 //! where S comes within `ceiling` of S_∞ and starts after a settling time; within that the pair
 //! (start, end) is taken whose straight line is the longest that still describes the curve: the

@@ -3,8 +3,8 @@
 //!
 //! A rational p/q with q odd is a periodic point: its period is the order of 2 modulo q. The points
 //! with 2ⁿ x = x are p/(2ⁿ − 1). For any x there is one of them, y, with the same first n binary
-//! digits, and
-//! |x(k) − y(k)| < 2^−(n−k) for all k ≤ n (4.4): the orbit of length n lies close to a periodic one but for its last few points.
+//! digits, and |x(k) − y(k)| < 2^−(n−k) for all k ≤ n (4.4): the orbit of length n lies close to a
+//! periodic one but for its last few points.
 //!
 //! Points are fractions of integers of 128 bits (n ≤ 60, q < 2⁶⁴): a double holds 53 digits, and
 //! each step shifts one of them out, so that every orbit in floating point ends at 0 after 53

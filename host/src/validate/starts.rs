@@ -222,8 +222,7 @@ impl<'a> Starts<'a> {
     }
 
     /// The largest exponent of the driven model along a stretch, from its variational equations,
-    /// with
-    /// those of the two records. None for a free system.
+    /// with those of the two records. None for a free system.
     pub fn exponent(&self, stretch: &Stretch, state: &[f64], records: Option<Pair>) -> Option<ExponentComparison> {
         let Pace { period_s, omega } = self.pace;
         let (of, start_s) = (&*self.equations.dynamics, stretch.start_s);
