@@ -20,6 +20,7 @@ use super::motion::{Motion, Space};
 use crate::record::Record;
 use crate::rig::Direction;
 use crate::signal::spectrum::{self, Density};
+use crate::statistics::median;
 
 /// Score from which the drive's line is taken as seen wherever the greatest score lies.
 const CLEAR: f64 = 5.0;
@@ -98,8 +99,8 @@ fn scores(series: &[Vec<f64>], rate_hz: f64, stated_hz: f64) -> Option<(usize, V
             densities.iter().map(|d| prominence(d).ln_1p()).sum()
         })
         .collect();
-    let middle = spectrum::median(&mut sums.clone());
-    let spread = 1.4826 * spectrum::median(&mut sums.iter().map(|s| (s - middle).abs()).collect::<Vec<_>>());
+    let middle = median(&mut sums.clone());
+    let spread = 1.4826 * median(&mut sums.iter().map(|s| (s - middle).abs()).collect::<Vec<_>>());
     let z = sums.iter().map(|s| (s - middle) / spread.max(1e-9)).collect();
     Some((from, z, densities))
 }

@@ -14,7 +14,7 @@ use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
 use crate::record::{Column, Record};
-use crate::signal::spectrum::median;
+use crate::statistics::median;
 
 /// Where a coordinate lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -10,7 +10,8 @@
 //!
 //! Cost: about 5 ns a sample.
 
-use super::trace::{Trace, median};
+use super::trace::Trace;
+use crate::statistics::median;
 
 /// Samples of a block.
 pub const BLOCK: usize = 256;
