@@ -191,7 +191,7 @@ impl IdentifiedModel {
     /// # Errors
     /// A folder that does not exist, a full disk, missing rights.
     pub fn write(&self, path: &Path) -> Result<()> {
-        crate::cli::output::write_file(path, self.to_toml().as_bytes())
+        crate::files::write_file(path, self.to_toml().as_bytes())
     }
 
     /// Reads and checks a file.
