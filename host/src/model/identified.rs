@@ -17,7 +17,7 @@ use serde::Serialize;
 use toml::{Table, Value};
 
 use crate::error::{BadInput, Result};
-use crate::identify::Parameter;
+use crate::model::parameter::Parameter;
 use crate::system::library::Pendulum;
 
 /// Which equations the parameters belong to.

@@ -8,6 +8,7 @@ pub mod flow;
 pub mod identified;
 pub mod integrate;
 pub mod model_file;
+pub mod parameter;
 pub mod single_pendulum;
 mod tableau;
 pub mod vectors;
