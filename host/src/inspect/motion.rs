@@ -42,12 +42,6 @@ pub struct Motion {
     pub stretches: Vec<Vec<f64>>,
 }
 
-/// The angle wrapped to [−π, π).
-pub fn wrap(angle: f64) -> f64 {
-    let turned = angle - TAU * ((angle + PI) / TAU).floor();
-    if turned >= PI { turned - TAU } else { turned }
-}
-
 /// Unwraps in place: each step goes the shorter way round.
 pub fn unwrap(angles: &mut [f64]) {
     let mut turns = 0.0;
@@ -212,13 +206,7 @@ fn slope_weights(m: usize) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn wraps_to_the_half_open_turn() {
-        for (angle, want) in [(0.0, 0.0), (PI, -PI), (-PI, -PI), (3.0 * PI + 0.5, -PI + 0.5), (-0.1, -0.1)] {
-            assert!((wrap(angle) - want).abs() < 1e-12, "{angle}");
-        }
-    }
+    use crate::signal::angles::wrap;
 
     #[test]
     fn unwraps_a_whirl_either_way() {

@@ -5,9 +5,10 @@ use serde::Serialize;
 use std::f64::consts::TAU;
 
 use super::coordinate::Coordinate;
-use super::motion::{Motion, Space, wrap};
+use super::motion::{Motion, Space};
 use crate::record::Record;
 use crate::report::figures::decimate;
+use crate::signal::angles::wrap;
 
 /// Most points of one plotted series.
 const MOST: usize = 2000;
