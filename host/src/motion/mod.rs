@@ -26,6 +26,7 @@ pub mod effects;
 pub mod from_record;
 pub mod simulation;
 pub mod stand_in;
+pub mod starts;
 
 use std::path::Path;
 
