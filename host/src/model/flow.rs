@@ -114,9 +114,9 @@ impl Work {
         Self::new(dynamics, 2 * n + dynamics.parameter_count(), Some(2 * n))
     }
 
-    /// Room for the state and `columns` tangent vectors.
-    pub fn tangent<D: Dynamics + ?Sized>(dynamics: &D, columns: usize) -> Self {
-        Self::new(dynamics, columns, None)
+    /// Room for the state and one tangent vector.
+    pub fn tangent<D: Dynamics + ?Sized>(dynamics: &D) -> Self {
+        Self::new(dynamics, 1, None)
     }
 
     /// Sets the state (q then v); derivatives by initial state become the identity, all others

@@ -74,7 +74,7 @@ pub fn of_model<D: Dynamics + ?Sized>(
     intervals: usize,
 ) -> Option<Exponent> {
     let n = dynamics.degrees_of_freedom();
-    let mut work = Work::tangent(dynamics, 1);
+    let mut work = Work::tangent(dynamics);
     work.set(state);
     // Rates are of the size of angles times the angular frequency: measured in those, the vector's
     // growth evens out sooner.
