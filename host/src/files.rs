@@ -1,4 +1,4 @@
-//! Files by name: regular ones to read, and whether two names are one file.
+//! Files by name: regular ones to read, results to write, and whether two names are one file.
 //!
 //! A device, pipe or socket has no length, may never end and may never answer: it is refused before
 //! it is opened.
@@ -8,6 +8,10 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::error::{BadInput, Result};
+
+/// Version of what whirl writes as JSON, the first key of every object: docs/json.md tells the
+/// others.
+pub const FORMAT: u32 = 1;
 
 /// Longest text file that is read (rig, model, effects), bytes: a thousand times the longest that
 /// ships.
@@ -76,6 +80,30 @@ fn kind(metadata: &Metadata) -> &'static str {
 #[cfg(not(unix))]
 fn kind(_: &Metadata) -> &'static str {
     "a device"
+}
+
+/// Writes a file whole: beside its name first, then renamed, so that no half-written result is left
+/// behind.
+///
+/// # Errors
+/// A folder that does not exist, a full disk, missing rights.
+pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
+    let fail =
+        |e: std::io::Error| BadInput::io(path, &e).remedy("Name a file in a folder that exists and can be written to");
+    // A device or pipe is written to as it is.
+    if is_special(path) {
+        return std::fs::write(path, bytes).map_err(fail);
+    }
+    let unnamed = || BadInput::new("no file name, or no folder", "a file to write").in_file(path);
+    // A link stays one: the file behind it is replaced.
+    let target = resolve(path).ok_or_else(unnamed)?;
+    let mut name = target.file_name().ok_or_else(unnamed)?.to_os_string();
+    name.push(format!(".{}.part", std::process::id()));
+    let part = target.with_file_name(name);
+    std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, &target)).map_err(|e| {
+        let _ = std::fs::remove_file(&part);
+        fail(e)
+    })
 }
 
 /// The file that a name leads to, links followed, whether it is there yet or not; none where its

@@ -16,12 +16,9 @@ use crate::record::{Losses, Metadata};
 use crate::rig::measures::BASE;
 use crate::rig::plant::{BasePlant, Plant};
 use crate::rig::single_plant::SinglePlant;
-use crate::rig::{Channel, Direction, Rig};
+use crate::rig::{Channel, Direction, Rig, check_seconds};
 
-/// Longest simulated record, s (a day).
-const LONGEST_S: f64 = 86_400.0;
-
-/// Longest simulated record, samples: as many as are read.
+/// Longest simulated record that is written as it comes, samples: as many as are read.
 const MOST_SAMPLES: f64 = 2e8;
 
 /// What was simulated.
@@ -134,13 +131,7 @@ pub fn settings(rig: &Rig, effect_texts: &[String], seconds: f64, seed: u64) -> 
             .in_file(&rig.path)
             .at("model"));
     }
-    if !(seconds > 0.0 && seconds <= LONGEST_S) {
-        return Err(BadInput::new(seconds.to_string(), format!("seconds above 0, at most {LONGEST_S}")).at("--seconds"));
-    }
-    if seconds * rig.sample_rate_hz > MOST_SAMPLES {
-        let most = MOST_SAMPLES / rig.sample_rate_hz;
-        return Err(BadInput::new(seconds.to_string(), format!("seconds above 0, at most {most}")).at("--seconds"));
-    }
+    check_seconds(seconds, rig.sample_rate_hz, MOST_SAMPLES)?;
     let drive = |amplitude_m: f64, psi: f64| {
         rig.drive.map(|d| DriveSettings {
             direction: match d.direction {

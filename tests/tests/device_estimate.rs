@@ -6,7 +6,7 @@ use whirl::identify::series::System;
 use whirl::identify::windows::WindowRows;
 use whirl::identify::{Settings as IdentifySettings, built_in, prepare, regression, windows};
 use whirl::model::model_file::weak_form::WeakForm;
-use whirl::record::{Column, Losses, Record, Segment};
+use whirl::record::{Column, Record, Segment};
 use whirl::rig::Rig;
 use whirl_firmware::Settings;
 use whirl_firmware::estimate::{Estimator, HARMONICS, Outcome};
@@ -34,25 +34,8 @@ fn simulated(seed: u64) -> (Vec<[i32; 2]>, Vec<u32>) {
 
 fn record(rig: &Rig, counts: &[[i32; 2]], phase: &[u32]) -> Record {
     let column = |i: usize| Column::Counts(counts.iter().map(|c| c[i]).collect());
-    Record {
-        path: "simulated".into(),
-        sample_rate_hz: 500.0,
-        channels: rig.channel.clone(),
-        segments: vec![Segment {
-            first_tick: 0,
-            boot: 0,
-            start_s: 0.0,
-            step_s: 0.002,
-            jitter_s: 0.0,
-            columns: vec![column(0), column(1)],
-            phase: Some(phase.to_vec()),
-            amplitude_nm: None,
-        }],
-        losses: Losses::default(),
-        warnings: vec![],
-        metadata: None,
-        numbering: None,
-    }
+    let segment = Segment::new(0.0, 0.002, vec![column(0), column(1)]);
+    Record::of("simulated", rig, vec![Segment { phase: Some(phase.to_vec()), ..segment }])
 }
 
 /// The host's rows of every window, the terms of its equations, and the sample at which the first

@@ -6,13 +6,7 @@ use whirl_shared::frame::DeviceMessage;
 use super::*;
 use crate::record::Column;
 
-/// A simulated rig whose link is unplugged while the device's samples are of some ticks, and faulty
-/// otherwise.
-struct Unplugged {
-    inner: Simulated,
-    line: Arc<Mutex<Line>>,
-}
-
+/// What is unplugged while the device's samples are of some ticks, and faulty otherwise.
 struct Line {
     /// Ticks from and to which it is out.
     out_at: Vec<(u32, u32)>,
@@ -27,26 +21,6 @@ struct Plug {
     inner: Box<dyn Link>,
     line: Arc<Mutex<Line>>,
     rest: Vec<u8>,
-}
-
-impl Source for Unplugged {
-    fn open(&mut self) -> io::Result<Box<dyn Link>> {
-        let inner = self.inner.open()?;
-        self.line.lock().unwrap().faults.reopened();
-        Ok(Box::new(Plug { inner, line: self.line.clone(), rest: vec![] }))
-    }
-    fn now(&self) -> Instant {
-        self.inner.now()
-    }
-    fn pause(&mut self, time: Duration) {
-        self.inner.pause(time);
-    }
-    fn is_simulated(&self) -> bool {
-        true
-    }
-    fn remedy(&self) -> String {
-        String::new()
-    }
 }
 
 impl Link for Plug {
@@ -112,7 +86,11 @@ fn capture(
         up: rand_chacha::ChaCha8Rng::seed_from_u64(3),
         up_rate,
     }));
-    let mut source = Unplugged { inner: Simulated::new(&rig, &[], Some(3), None).unwrap(), line: line.clone() };
+    let wrap = |inner| {
+        line.lock().unwrap().faults.reopened();
+        Box::new(Plug { inner, line: line.clone(), rest: vec![] }) as Box<dyn Link>
+    };
+    let mut source = Behind { inner: Simulated::new(&rig, &[], Some(3), None).unwrap(), wrap };
     let mut settings = CaptureSettings::new("sim", dir.path().join("r.parquet"));
     settings.seconds = Some(seconds);
     settings.drive = false;

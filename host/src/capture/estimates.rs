@@ -14,8 +14,8 @@ use whirl_shared::regressor::{NAMES, UNKNOWNS1};
 use whirl_shared::waveform::exact_frequency;
 
 use crate::error::{BadInput, Result};
-use crate::identify::Parameter;
 use crate::model::double_pendulum::DEFAULT_DAMPINGS;
+use crate::model::parameter::Parameter;
 use crate::record::sealed_line::seal;
 use crate::report::format::{Z95, plus_minus};
 use crate::rig::measures::BASE;

@@ -2,12 +2,7 @@
 
 use super::*;
 
-/// A rig behind a link with faults in both directions; what the link did is known to the sample.
-struct Faulty {
-    inner: Simulated,
-    shared: Arc<Mutex<Faults>>,
-}
-
+/// What happens in both directions; what the link did is known to the sample.
 struct Faults {
     down: FaultyLink,
     up: rand_chacha::ChaCha8Rng,
@@ -20,25 +15,14 @@ struct FaultyPipe {
     rest: Vec<u8>,
 }
 
-impl Source for Faulty {
-    fn open(&mut self) -> io::Result<Box<dyn Link>> {
-        let inner = self.inner.open()?;
+/// A simulated rig behind such a link.
+fn faulty(rig: &Rig, seed: u64, shared: Arc<Mutex<Faults>>) -> impl Source {
+    let wrap = move |inner| {
         // A capture ends the frame that was cut.
-        self.shared.lock().unwrap().down.reopened();
-        Ok(Box::new(FaultyPipe { inner, shared: self.shared.clone(), rest: vec![] }))
-    }
-    fn now(&self) -> Instant {
-        self.inner.now()
-    }
-    fn pause(&mut self, time: Duration) {
-        self.inner.pause(time);
-    }
-    fn is_simulated(&self) -> bool {
-        true
-    }
-    fn remedy(&self) -> String {
-        String::new()
-    }
+        shared.lock().unwrap().down.reopened();
+        Box::new(FaultyPipe { inner, shared: shared.clone(), rest: vec![] }) as Box<dyn Link>
+    };
+    Behind { inner: Simulated::new(rig, &[], Some(seed), None).unwrap(), wrap }
 }
 
 impl Link for FaultyPipe {
@@ -86,7 +70,7 @@ fn faulty_capture(seconds: f64, faults: FaultSettings, seed: u64) -> (CaptureOut
         up: rand_chacha::ChaCha8Rng::seed_from_u64(seed),
         up_rate: 0.01,
     }));
-    let mut source = Faulty { inner: Simulated::new(&rig, &[], Some(seed), None).unwrap(), shared: shared.clone() };
+    let mut source = faulty(&rig, seed, shared.clone());
     let mut settings = CaptureSettings::new("sim", dir.path().join("r.parquet"));
     settings.seconds = Some(seconds);
     settings.keep_frames = true;
@@ -133,7 +117,7 @@ fn rows_through_a_faulty_link_are_whole_or_counted() {
         up: rand_chacha::ChaCha8Rng::seed_from_u64(5),
         up_rate: 0.01,
     }));
-    let mut source = Faulty { inner: Simulated::new(&rig, &[], Some(5), None).unwrap(), shared };
+    let mut source = faulty(&rig, 5, shared);
     let mut settings = CaptureSettings::new("sim", dir.path().join("rows.jsonl"));
     settings.seconds = Some(120.0);
     settings.rows = true;

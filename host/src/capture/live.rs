@@ -174,7 +174,7 @@ pub(super) fn numbers_from() -> u16 {
     let since = std::time::SystemTime::now().duration_since(std::time::UNIX_EPOCH).unwrap_or_default();
     // Its low bits, in steps of a microsecond.
     let number = (since.as_micros() ^ u128::from(std::process::id())) as u16;
-    // Earlier versions began at 0.
+    // Not near 0, where a session that numbers its messages plainly begins.
     number | 0x0400
 }
 

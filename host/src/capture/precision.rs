@@ -177,7 +177,7 @@ impl Progression {
 mod tests {
     use super::*;
     use crate::capture::estimates::Status;
-    use crate::identify::Parameter;
+    use crate::model::parameter::Parameter;
 
     fn estimate(windows: u32, forgetting: f64, std_error: f64) -> DeviceEstimate {
         let c2 = Parameter { name: "C2".to_owned(), value: 0.05, std_error, unit: "1".to_owned() };

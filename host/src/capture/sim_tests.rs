@@ -29,6 +29,30 @@ fn rig(name: &str, settle: &str) -> Rig {
     Rig::parse(&text, &path).unwrap()
 }
 
+/// A simulated rig behind a link of the test's own, which every connection goes through.
+struct Behind<F> {
+    inner: Simulated,
+    wrap: F,
+}
+
+impl<F: FnMut(Box<dyn Link>) -> Box<dyn Link> + Send> Source for Behind<F> {
+    fn open(&mut self) -> io::Result<Box<dyn Link>> {
+        self.inner.open().map(&mut self.wrap)
+    }
+    fn now(&self) -> Instant {
+        self.inner.now()
+    }
+    fn pause(&mut self, time: Duration) {
+        self.inner.pause(time);
+    }
+    fn is_simulated(&self) -> bool {
+        true
+    }
+    fn remedy(&self) -> String {
+        String::new()
+    }
+}
+
 #[test]
 fn a_simulated_capture_repeats_to_the_byte() {
     let dir = tempfile::tempdir().unwrap();

@@ -6,7 +6,6 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::identify::WeakForm;
-use super::output::write_file;
 use super::single::{Analysed, Common, Named, Single};
 use super::{Judgement, progress};
 use crate::batch::answers;
@@ -14,6 +13,7 @@ use crate::batch::row::Row;
 use crate::error::{BadInput, Result};
 use crate::explain::card::card;
 use crate::explain::{Explanation, Settings, Verdict, explain, ledger, presentation};
+use crate::files::write_file;
 use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
 use crate::report::Results;

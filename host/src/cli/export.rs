@@ -6,10 +6,11 @@ use clap::Args;
 use serde::Serialize;
 
 use super::Answer;
-use super::output::{Output, Replace, write_file};
+use super::output::{Output, Replace};
 use super::outputs::Outputs;
 use crate::error::{BadInput, Result};
 use crate::export::{LANGUAGES, code, language};
+use crate::files::write_file;
 use crate::model::identified::IdentifiedModel;
 use crate::motion::{Effect, Motion};
 use crate::rig::Rig;

@@ -4,10 +4,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::output::{Output, Replace, write_file};
+use super::output::{Output, Replace};
 use super::outputs::Outputs;
 use super::{Answer, Columns};
 use crate::error::{BadInput, Result};
+use crate::files::write_file;
 use crate::init::{Settings, draft, write};
 use crate::record::ReadOptions;
 use crate::record::formats;

@@ -5,10 +5,11 @@ use std::path::{Path, PathBuf};
 use clap::{Args, Command, CommandFactory};
 use clap_mangen::Man;
 
-use super::output::{print, write_file};
+use super::output::print;
 use super::outputs::Outputs;
 use super::{Answer, Cli};
 use crate::error::{BadInput, Result};
+use crate::files::write_file;
 
 /// Arguments of `man`.
 #[derive(Debug, Args)]

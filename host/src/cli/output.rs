@@ -9,7 +9,7 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::error::{BadInput, Result, obeyed, plain_lines, short_numbers, tell};
-use crate::files;
+use crate::files::{FORMAT, write_file};
 use crate::said;
 use crate::warning::Warning;
 
@@ -32,10 +32,6 @@ pub struct Replace {
     #[arg(long)]
     pub force: bool,
 }
-
-/// Version of what whirl writes as JSON, the first key of every object: docs/json.md tells the
-/// others.
-pub const FORMAT: u32 = 1;
 
 /// A result with the version of its keys.
 #[derive(Serialize)]
@@ -156,30 +152,6 @@ pub fn command_line() -> String {
         }
     }
     plain_lines(&out.join(" "))
-}
-
-/// Writes a file whole: beside its name first, then renamed, so that no half-written result is left
-/// behind.
-///
-/// # Errors
-/// A folder that does not exist, a full disk, missing rights.
-pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
-    let fail =
-        |e: std::io::Error| BadInput::io(path, &e).remedy("Name a file in a folder that exists and can be written to");
-    // A device or pipe is written to as it is.
-    if files::is_special(path) {
-        return std::fs::write(path, bytes).map_err(fail);
-    }
-    let unnamed = || BadInput::new("no file name, or no folder", "a file to write").in_file(path);
-    // A link stays one: the file behind it is replaced.
-    let target = files::resolve(path).ok_or_else(unnamed)?;
-    let mut name = target.file_name().ok_or_else(unnamed)?.to_os_string();
-    name.push(format!(".{}.part", std::process::id()));
-    let part = target.with_file_name(name);
-    std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, &target)).map_err(|e| {
-        let _ = std::fs::remove_file(&part);
-        fail(e)
-    })
 }
 
 /// Warnings, on standard error.

@@ -4,10 +4,11 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::output::{Output, Replace, write_file};
+use super::output::{Output, Replace};
 use super::outputs::Outputs;
 use super::{Answer, Judgement, progress};
 use crate::error::{BadInput, Result};
+use crate::files::write_file;
 use crate::model::identified::IdentifiedModel;
 use crate::plan::goals::{Goals, Limits, Precise, Tell};
 use crate::plan::{Settings, plan, presentation};

@@ -5,9 +5,10 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 
-use super::output::{Output, print_warnings, write_file};
+use super::output::{Output, print_warnings};
 use super::{Answer, Records};
 use crate::error::{BadInput, Result};
+use crate::files::write_file;
 use crate::record::stream;
 use crate::reduce::forced::ResponsePoint;
 use crate::reduce::{Constraint, Force, Forced, ReduceSettings, Reduction, long, reduce};

@@ -13,12 +13,12 @@ use super::simulate::Arguments;
 use crate::error::{BadInput, Result};
 use crate::model::identified::{IdentifiedModel, System};
 use crate::motion::from_record::{self, Begin};
-use crate::motion::simulation::{self, LONGEST_S, MOST_SAMPLES, Solution};
+use crate::motion::simulation::{self, Solution};
 use crate::motion::{Effect, Motion, stand_in};
 use crate::record::values::write_values_from;
 use crate::record::{ReadOptions, Record, metadata, names};
 use crate::report::format::shortest;
-use crate::rig::Rig;
+use crate::rig::{LONGEST_S, MOST_SAMPLES, Rig};
 
 /// Length where neither a record nor `--seconds` says one, s.
 const SECONDS: f64 = 10.0;

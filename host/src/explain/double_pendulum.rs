@@ -39,7 +39,7 @@ fn dampings() -> impl Iterator<Item = (&'static str, String, i32)> {
     DAMPINGS.iter().flat_map(|d| {
         let of = move |(i, name): (usize, Option<&'static str>)| {
             let file = format!("phi{}_{}", i + 1, d.id.replace(['-', '@'], "_"));
-            Some((name?, file, if d.is_viscous() { 1 } else { 2 }))
+            Some((name?, file, if d.viscous { 1 } else { 2 }))
         };
         d.names.into_iter().enumerate().filter_map(of)
     })

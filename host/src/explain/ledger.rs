@@ -27,7 +27,7 @@ pub fn ledger(records: &[Record], rig: &Rig, settings: &Settings, result: &Expla
         })
         .collect();
     json!({
-        "format": crate::cli::output::FORMAT,
+        "format": crate::files::FORMAT,
         "program": concat!("whirl ", env!("CARGO_PKG_VERSION")),
         "command": "explain",
         "rig": { "file": rig.path.display().to_string(), "text": rig.text },

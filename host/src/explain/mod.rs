@@ -154,32 +154,16 @@ mod tests {
 
     use super::*;
     use crate::model::identified::System;
-    use crate::record::{Column, Losses, Segment};
+    use crate::record::{Column, Segment};
 
     /// A record at fault excuses what it spoils, and no model of another rig.
     #[test]
     fn a_wrong_option_is_told_of_a_record_at_fault() {
         let rig = Rig::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/seed.toml")).unwrap();
-        let segment = Segment {
-            first_tick: 0,
-            boot: 0,
-            start_s: 0.0,
-            step_s: 1.0 / rig.sample_rate_hz,
-            jitter_s: 0.0,
-            columns: vec![Column::Counts(vec![0; 100]); rig.channel.len()],
-            phase: None,
-            amplitude_nm: None,
-        };
-        let record = Record {
-            path: "r.csv".into(),
-            sample_rate_hz: rig.sample_rate_hz,
-            channels: rig.channel.clone(),
-            losses: Losses::default(),
-            segments: vec![segment],
-            warnings: vec![Warning::new("at-fault", "it is at fault", "Record again").invalidating()],
-            metadata: None,
-            numbering: None,
-        };
+        let columns = vec![Column::Counts(vec![0; 100]); rig.channel.len()];
+        let segment = Segment::new(0.0, 1.0 / rig.sample_rate_hz, columns);
+        let warnings = vec![Warning::new("at-fault", "it is at fault", "Record again").invalidating()];
+        let record = Record { warnings, ..Record::of("r.csv", &rig, vec![segment]) };
         let model = IdentifiedModel {
             name: "another".to_owned(),
             system: System::BuiltIn("single-pendulum".to_owned()),

@@ -31,7 +31,7 @@ const ANGLE: &str = "phi1";
 
 /// Names of the coefficients of some dampings.
 fn coefficients(dampings: &[String]) -> Vec<&'static str> {
-    DAMPINGS.iter().filter(|d| dampings.iter().any(|n| n == d.0)).map(|d| d.1).collect()
+    DAMPINGS.iter().filter(|d| dampings.iter().any(|n| n == d.id)).filter_map(|d| d.names[0]).collect()
 }
 
 /// A rig and a model of it in the built-in's terms as those of a system of one's own.
@@ -48,7 +48,7 @@ pub fn own(model: &IdentifiedModel, rig: &Rig) -> Result<(Rig, IdentifiedModel)>
         System::BuiltIn(id) => return bad(format!("a model of \"{id}\""), &expected),
         System::Own(_) => return bad("a system of its own".to_owned(), &expected),
     }
-    if let Some(n) = model.nominal.iter().find(|n| !DAMPINGS.iter().any(|d| d.0 == *n)) {
+    if let Some(n) = model.nominal.iter().find(|n| !DAMPINGS.iter().any(|d| d.id == *n)) {
         return bad(format!("\"{n}\" in nominal"), "viscous-friction@joint1, coulomb-friction@joint1");
     }
     let across = match rig.drive.map(|d| d.direction) {

@@ -157,7 +157,7 @@ impl<'a> Program<'a> {
             out.primed.resize(out.split.nodes.len(), t.primed);
         }
         out.signs = (1..=out.split.switches.len()).map(|k| names.give(&format!("s{k}"))).collect();
-        for (i, circle) in motion.circle().into_iter().enumerate() {
+        for (i, circle) in motion.file.circle().into_iter().enumerate() {
             out.coordinates[i].wraps = circle && out.split.nodes.iter().any(|n| !is_periodic(n, i));
         }
         Ok(out)

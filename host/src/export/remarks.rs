@@ -34,7 +34,7 @@ pub fn unit_text(unit: &str) -> String {
 
 impl Program<'_> {
     /// The state with its units, for people.
-    pub fn state_text(&self) -> String {
+    fn state_text(&self) -> String {
         let q: Vec<String> = self.coordinates.iter().map(|c| format!("{} ({})", c.name, c.unit)).collect();
         let v: Vec<String> = self.coordinates.iter().map(|c| format!("{} ({}/s)", c.rate, c.unit)).collect();
         format!("{}, {}", q.join(", "), v.join(", "))

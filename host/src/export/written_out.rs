@@ -263,8 +263,8 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::identify::Parameter;
     use crate::model::identified::{IdentifiedModel, System};
+    use crate::model::parameter::Parameter;
 
     fn double_pendulum(effects: Vec<crate::model::identified::AddedEffect>) -> WrittenOut {
         let names = ["B11", "B12", "B13", "B14", "C11", "C12", "B21", "B22", "B23", "B24", "C2"];

@@ -117,19 +117,13 @@ mod tests {
 
     /// Rows of a segment, as another boot's, its counts turned on.
     fn part(segment: &Segment, rows: core::ops::Range<usize>, boot: u32, turned: i32) -> Segment {
-        let columns = segment.columns.iter().map(|column| match column {
-            Column::Counts(c) => Column::Counts(c[rows.clone()].iter().map(|c| c + turned).collect()),
-            Column::Values(v) => Column::Values(v[rows.clone()].to_vec()),
-        });
-        Segment {
-            first_tick: segment.first_tick + rows.start as i64,
-            boot,
-            start_s: segment.time(rows.start),
-            columns: columns.collect(),
-            phase: segment.phase.as_ref().map(|p| p[rows.clone()].to_vec()),
-            amplitude_nm: segment.amplitude_nm.as_ref().map(|a| a[rows.clone()].to_vec()),
-            ..segment.clone()
+        let mut out = Segment { boot, ..segment.rows(rows) };
+        for column in &mut out.columns {
+            if let Column::Counts(c) = column {
+                c.iter_mut().for_each(|c| *c += turned);
+            }
         }
+        out
     }
 
     /// The record with a restart after so many seconds, over which the zero was kept or not.

@@ -13,6 +13,7 @@ use crate::model::dynamics::Dynamics;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::rig::measures::ObservedModel;
 use crate::rig::{Rig, as_own};
+use crate::system::library::Pendulum;
 use crate::system::ties::Identified;
 use crate::warning::Warning;
 
@@ -25,9 +26,10 @@ pub fn written(rig: &Rig) -> Result<Cow<'_, Rig>> {
     if rig.bound.is_some() {
         return Ok(Cow::Borrowed(rig));
     }
-    let own = match System::of(rig)? {
-        System::Single(dampings) => as_own::single_pendulum(rig, &dampings, true)?,
-        System::Double(dampings) => as_own::double_pendulum(rig, &dampings)?,
+    let system = System::of(rig)?;
+    let own = match system.pendulum {
+        Pendulum::Single => as_own::single_pendulum(rig, &system.coefficients(), true)?,
+        Pendulum::Double => as_own::double_pendulum(rig, &system.dampings)?,
     };
     Ok(Cow::Owned(own))
 }
@@ -65,7 +67,7 @@ pub fn bound(rig: &Rig) -> Result<&ObservedModel> {
 pub fn equations_of_motion(rig: &Rig, own: &Rig, bound: &ObservedModel) -> Result<(Box<dyn Dynamics>, Vec<String>)> {
     if rig.bound.is_none()
         && rig.base().is_none()
-        && let System::Double(dampings) = System::of(rig)?
+        && let System { pendulum: Pendulum::Double, dampings } = System::of(rig)?
     {
         let compiled = DoublePendulum::new(rig.omega(), rig.drive.is_some(), &dampings);
         let names = compiled.names().to_vec();
@@ -144,7 +146,7 @@ mod tests {
 
     use super::*;
     use crate::model::double_pendulum::DAMPINGS;
-    use crate::model::dynamics::{Instant, Linearisation};
+    use crate::model::dynamics::{Here, Instant, Linearisation};
 
     /// What is compiled by hand moves as the equations that are written out, free and driven, with
     /// every damping; its partials too.
@@ -179,7 +181,7 @@ mod tests {
                     let signs: Vec<f64> = d.switches().iter().map(|w| rate(w).signum()).collect();
                     let (mut a, mut by) = ([0.0; 2], vec![0.0; 2 * width]);
                     let out = Linearisation { acceleration: &mut a, partials: &mut by };
-                    assert!(d.linearise_held(&p, &q, &v, &at, &signs, out));
+                    assert!(d.linearise_held(Here { parameters: &p, q: &q, v: &v, at: &at, signs: &signs }, out));
                     a.into_iter().chain(by).collect::<Vec<f64>>()
                 };
                 for (a, b) in run(&*compiled).iter().zip(run(&*plain)) {

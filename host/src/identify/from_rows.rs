@@ -14,8 +14,9 @@ use nalgebra::DVector;
 use whirl_shared::regressor::weights;
 use whirl_shared::waveform::exact_frequency;
 
-use super::regression::{self, Solution, Unsolvable};
+use super::regression::{self, Unsolvable};
 use super::units::units_of;
+use super::weak_form::{few_windows, periodic};
 use super::windows::{WindowRows, frequency_of_row};
 use super::{Details, Identification, RecordUse, Residuals, built_in, identifiability};
 use crate::capture::estimates::unfit;
@@ -154,25 +155,6 @@ fn rate_of(record: &RowsRecord, rig: &Rig) -> Result<f64> {
         .at("metadata.sample_rate_hz"))
 }
 
-/// What a solution makes one doubt.
-fn doubts(solution: &Solution, windows: usize) -> impl Iterator<Item = Warning> {
-    let repeating = solution.repeating.then(|| {
-        Warning::new(
-            "periodic-record",
-            format!("residuals repeat from window to window (correlation {:.2}): the motion is locked to the drive or periodic", solution.repetition),
-            "Quantisation errors repeat with it and do not average out. Change the drive's amplitude or frequency until the motion is chaotic",
-        )
-    });
-    let few = (solution.blocks == 0).then(|| {
-        Warning::new(
-            "few-windows",
-            format!("{windows} windows are too few to measure how residuals scatter"),
-            "Standard errors assume white sensor noise; record longer",
-        )
-    });
-    repeating.into_iter().chain(few)
-}
-
 /// Identifies the double pendulum from records of rows.
 ///
 /// # Errors
@@ -197,7 +179,10 @@ pub fn identify(records: &[RowsRecord], rig: &Rig) -> Result<Identification> {
         .remedy("Is an arm at rest, does the shaker run?"),
         Unsolvable::NotFinite => BadInput::new("a value too large to compute with", "rows of a rig that moves"),
     })?;
-    warnings.extend(doubts(&solution, rows.len()));
+    if solution.repeating {
+        warnings.push(periodic(solution.repetition, "window", rig, bound));
+    }
+    warnings.extend(few_windows(&solution, rows.len()));
     let names: Vec<String> = model.equations.iter().flat_map(|e| e.terms.iter().map(|t| t.name.clone())).collect();
     let units: Vec<String> = units_of(model, &own, bound).into_iter().flatten().collect();
     let values = DVector::from_iterator(names.len(), solution.coefficients.iter().flat_map(|c| c.iter().copied()));
@@ -210,7 +195,6 @@ pub fn identify(records: &[RowsRecord], rig: &Rig) -> Result<Identification> {
         parameters,
         identification_error: solution.error.clone(),
         equations_used: regression::rows_used(&rows, model.equations.len(), frequencies),
-        equations_dropped: 0,
         groups_not_separable: identifiability::groups_not_separable(&names, &values, covariance),
         record: RecordUse {
             // Under the windows: at most some 10⁸.
@@ -235,7 +219,7 @@ pub fn identify(records: &[RowsRecord], rig: &Rig) -> Result<Identification> {
             .map(|e| Residuals {
                 frequency_step_hz: 1.0 / length_s,
                 rms: solution.residual_rms[e].clone(),
-                dots: regression::residual_dots(&rows, e, &solution.coefficients[e], 2000),
+                dots: regression::residual_dots(&rows, e, &solution.coefficients[e]),
             })
             .collect(),
         ..Identification::default()

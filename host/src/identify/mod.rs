@@ -57,12 +57,12 @@ pub mod windows;
 use serde::Serialize;
 
 use crate::error::Result;
+pub use crate::model::parameter::Parameter;
 use crate::record::Record;
 use crate::rig::Rig;
 
 pub use prepared::{Geometry, Prepared, prepare};
-pub use result::{Details, ERROR_BOUND, Identification, Parameter, RecordUse, Residuals};
-pub use system::dampings;
+pub use result::{Details, ERROR_BOUND, Identification, RecordUse, Residuals};
 pub use weak_form::weak_form;
 
 /// Methods of identification: name, what it does.

@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 
 use super::{Identification, Parameter};
 use crate::error::{BadInput, Result};
-use crate::model::double_pendulum::{Base, DAMPINGS, Damping, coefficients};
+use crate::model::damping::Damping;
+use crate::model::double_pendulum::{Base, DAMPINGS, coefficients};
 use crate::model::identified::{IdentifiedModel, System};
 use crate::model::model_file::ModelFile;
 use crate::rig::Rig;
@@ -65,17 +66,7 @@ pub fn check_double_pendulum(model: &IdentifiedModel) -> Result<()> {
             return Err(BadInput::new("a system of one's own", format!("model = \"{}\"", double.id())).at("model"));
         }
     }
-    let mut used: Vec<&Damping> = Vec::new();
-    for id in &model.nominal {
-        let damping = DAMPINGS.iter().find(|d| d.id == id).ok_or_else(|| {
-            let ids: Vec<&str> = DAMPINGS.iter().map(|d| d.id).collect();
-            BadInput::new(format!("\"{id}\""), format!("one of {}", ids.join(", "))).at("nominal")
-        })?;
-        if used.contains(&damping) {
-            return Err(BadInput::new(format!("\"{id}\" a second time"), "each damping once").at("nominal"));
-        }
-        used.push(damping);
-    }
+    let used = Damping::chosen(model.nominal.iter().map(String::as_str), DAMPINGS).map_err(|e| e.at("nominal"))?;
     let base = match (model.parameter("B16"), model.drive_frequency_hz) {
         (Some(_), _) => Base::Measured,
         (None, Some(_)) => Base::Driven,

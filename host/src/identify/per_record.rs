@@ -25,15 +25,6 @@ impl Split {
         Self { terms, records }
     }
 
-    /// The same with further columns that all records share behind the terms of each equation.
-    pub fn with_shared(&self, further: &[usize]) -> Self {
-        let mut out = self.clone();
-        for (terms, n) in out.terms.iter_mut().zip(further) {
-            terms.extend((0..*n).map(|k| (format!("#{k}"), false)));
-        }
-        out
-    }
-
     fn width(&self, own: bool) -> usize {
         if own { self.records } else { 1 }
     }

@@ -1,9 +1,10 @@
 //! An identification as report sections print it.
 
 use super::{ERROR_BOUND, Identification};
+use crate::report::figures::residuals::EquationResiduals;
 use crate::report::format::significant;
 use crate::report::sections::parameters::{Parameter, ParameterTable};
-use crate::report::sections::residuals::{EquationResiduals, ResidualSet};
+use crate::report::sections::residuals::ResidualSet;
 
 /// χ² over its degrees of freedom above which coefficients contradict each other: by chance below
 /// 10⁻⁴ for four degrees of freedom.
@@ -114,8 +115,6 @@ pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Opt
 /// Residuals against predictions, as in figure 3.14.
 pub fn residuals(result: &Identification) -> ResidualSet {
     ResidualSet {
-        heading: String::new(),
-        dots: "sub-harmonics of a window".to_owned(),
         equations: result
             .residuals
             .iter()
@@ -127,7 +126,6 @@ pub fn residuals(result: &Identification) -> ResidualSet {
                 predicted: r.dots.iter().map(|d| d.1).collect(),
                 // The dots hold measured minus predicted; the figure shows A λ − q.
                 residual: r.dots.iter().map(|d| -d.2).collect(),
-                used: Vec::new(),
                 error: result.identification_error[i],
             })
             .collect(),

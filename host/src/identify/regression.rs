@@ -25,7 +25,7 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 
 use self::normal_equations::Normal;
-pub use self::residuals::{frequency_dots, identification_error, residual_dots};
+pub use self::residuals::{MOST_DOTS, frequency_dots, identification_error, residual_dots};
 pub(crate) use self::residuals::{noise_alone, weighted_rms};
 use self::residuals::{repetition, rms_by_frequency};
 use super::jackknife::widening;

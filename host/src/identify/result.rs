@@ -4,21 +4,9 @@ use serde::Serialize;
 
 use super::prepared::Geometry;
 use super::{harmonic_balance, noise_bias, regression, shooting, slips};
+use crate::model::parameter::Parameter;
 use crate::record::Record;
 use crate::warning::Warning;
-
-/// One identified parameter.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Parameter {
-    /// Name.
-    pub name: String,
-    /// Value.
-    pub value: f64,
-    /// Standard error (± 1.96 of it is a 95 % interval).
-    pub std_error: f64,
-    /// Unit.
-    pub unit: String,
-}
 
 /// What was used of the record.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

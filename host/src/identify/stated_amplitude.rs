@@ -106,7 +106,7 @@ mod tests {
 
     use super::*;
     use crate::identify::judgement::tests::identified;
-    use crate::record::{Losses, Segment};
+    use crate::record::Segment;
 
     /// The chaotic rig with an amplitude stated, and coefficients that l1 = 63.5 mm and a base that
     /// moved by 15.525 mm give.
@@ -119,26 +119,9 @@ mod tests {
         let second = rig.omega().powi(2);
         let b22 = 9.81 * 1.68 / (0.0635 * second);
         let result = identified(&[("B22", b22), ("B23", -0.015_525 * b22 * second / 9.81), ("B24", 0.0)]);
-        let segment = Segment {
-            first_tick: 0,
-            boot: 0,
-            start_s: 0.0,
-            step_s: 0.002,
-            jitter_s: 0.0,
-            columns: Vec::new(),
-            phase: None,
-            amplitude_nm: device_nm.map(|nm| vec![nm; 10]),
-        };
-        let record = Record {
-            path: "r.parquet".into(),
-            sample_rate_hz: 500.0,
-            channels: rig.channel.clone(),
-            segments: vec![segment],
-            losses: Losses::default(),
-            warnings: Vec::new(),
-            metadata: None,
-            numbering: None,
-        };
+        let amplitude_nm = device_nm.map(|nm| vec![nm; 10]);
+        let segment = Segment { amplitude_nm, ..Segment::new(0.0, 0.002, Vec::new()) };
+        let record = Record::of("r.parquet", &rig, vec![segment]);
         contradicted(&[record], &rig, &result)
     }
 

@@ -127,12 +127,9 @@ pub fn mixed(matrix: &nalgebra::DMatrix<f64>, x: &[Vec<f64>]) -> Vec<Vec<f64>> {
 pub fn of(record: &Record, rig: &Rig, bound: &ObservedModel) -> Result<Vec<Stretch>> {
     for (row, &i) in bound.sensors.iter().enumerate() {
         let c = &record.channels[i];
-        let line = (0..bound.model.coordinates.len())
-            .find(|&k| bound.shown[(row, k)] != 0.0 && bound.model.coordinates[k].space == Space::Line);
-        if let (Some(k), "count") = (line, c.unit.as_str())
-            && bound.model.coordinates[k].space == Space::Line
-            && matches!(c.counts_per_turn, Some(0) | None)
-        {
+        let mut coordinates = bound.model.coordinates.iter().enumerate();
+        let on_line = coordinates.any(|(k, q)| bound.shown[(row, k)] != 0.0 && q.space == Space::Line);
+        if on_line && c.unit == "count" && matches!(c.counts_per_turn, Some(0) | None) {
             return Err(BadInput::new("unit \"count\"", "a unit of length").in_file(&rig.path).at("channel"));
         }
     }

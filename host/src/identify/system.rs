@@ -3,8 +3,8 @@
 
 use super::{physical_parameters, single_parameters};
 use crate::error::{BadInput, Result};
-use crate::model::double_pendulum::{self, Damping};
-use crate::model::single_pendulum;
+use crate::model::damping::Damping;
+use crate::model::{double_pendulum, single_pendulum};
 use crate::rig::Rig;
 use crate::system::library::Pendulum;
 use crate::system::ties::Identified;
@@ -12,11 +12,11 @@ use physical_parameters::PhysicalFit;
 
 /// A system with the dampings of its nominal model.
 #[derive(Clone, Debug)]
-pub enum System {
-    /// The single pendulum: names of the dampings' coefficients.
-    Single(Vec<&'static str>),
-    /// The double pendulum: its dampings.
-    Double(Vec<&'static Damping>),
+pub struct System {
+    /// Which.
+    pub pendulum: Pendulum,
+    /// Its dampings, as the rig file lists them.
+    pub dampings: Vec<&'static Damping>,
 }
 
 impl System {
@@ -26,87 +26,55 @@ impl System {
     /// A model that is none of them, a drive that it cannot have, dampings that are unknown or
     /// named twice.
     pub fn of(rig: &Rig) -> Result<Self> {
-        match rig.pendulum() {
-            Some(Pendulum::Double) => {
-                if rig.drive.is_some_and(|d| !Pendulum::Double.takes(d.direction)) {
-                    return Err(BadInput::new("\"horizontal\"", "\"vertical\"")
-                        .in_file(&rig.path)
-                        .at("drive.direction")
-                        .remedy("The double pendulum's model has a vertically driven base"));
-                }
-                Ok(Self::Double(dampings(rig)?))
-            }
-            Some(Pendulum::Single) => Ok(Self::Single(single_dampings(rig)?)),
-            None => Err(BadInput::new(format!("\"{}\"", rig.model), Pendulum::either())
+        let Some(pendulum) = rig.pendulum() else {
+            return Err(BadInput::new(format!("\"{}\"", rig.model), Pendulum::either())
                 .in_file(&rig.path)
                 .at("model")
-                .remedy("`whirl list models` shows the models")),
+                .remedy("`whirl list models` shows the models"));
+        };
+        if pendulum == Pendulum::Double && rig.drive.is_some_and(|d| !Pendulum::Double.takes(d.direction)) {
+            return Err(BadInput::new("\"horizontal\"", "\"vertical\"")
+                .in_file(&rig.path)
+                .at("drive.direction")
+                .remedy("The double pendulum's model has a vertically driven base"));
+        }
+        let (all, default) = match pendulum {
+            Pendulum::Single => (single_pendulum::DAMPINGS, single_pendulum::DEFAULT_DAMPINGS),
+            Pendulum::Double => (double_pendulum::DAMPINGS, double_pendulum::DEFAULT_DAMPINGS),
+        };
+        let names: Vec<&str> = match &rig.nominal {
+            Some(list) => list.iter().map(String::as_str).collect(),
+            None => default.to_vec(),
+        };
+        let dampings = Damping::chosen(names, all)
+            .map_err(|e| e.in_file(&rig.path).at("nominal.effects").remedy("Correct the nominal model's dampings"))?;
+        Ok(Self { pendulum, dampings })
+    }
+
+    /// Ids of the nominal model's dampings; those of the single pendulum in the order of its list.
+    pub fn nominal(&self) -> Vec<String> {
+        let id = |d: &&Damping| d.id.to_owned();
+        match self.pendulum {
+            Pendulum::Single => {
+                let known = single_pendulum::DAMPINGS.iter();
+                known.filter(|d| self.dampings.contains(d)).map(|d| id(&d)).collect()
+            }
+            Pendulum::Double => self.dampings.iter().map(id).collect(),
         }
     }
 
-    /// Ids of the nominal model's dampings.
-    pub fn nominal(&self) -> Vec<String> {
-        match self {
-            Self::Single(names) => {
-                let known = single_pendulum::DAMPINGS.iter();
-                known.filter(|d| names.contains(&d.1)).map(|d| d.0.to_owned()).collect()
-            }
-            Self::Double(dampings) => dampings.iter().map(|d| d.id.to_owned()).collect(),
-        }
+    /// Names of the dampings' coefficients in the first equation.
+    pub fn coefficients(&self) -> Vec<&'static str> {
+        self.dampings.iter().filter_map(|d| d.names[0]).collect()
     }
 
     /// Physical parameters from coefficients and what is known; `None` where nothing follows.
     pub fn physical(&self, identified: &Identified<'_>, rig: &Rig) -> Option<PhysicalFit> {
-        match self {
-            Self::Single(_) => single_parameters::derive(identified, rig),
-            Self::Double(_) => physical_parameters::fit(identified, &rig.known, rig.omega()),
+        match self.pendulum {
+            Pendulum::Single => single_parameters::derive(identified, rig),
+            Pendulum::Double => physical_parameters::fit(identified, &rig.known, rig.omega()),
         }
     }
-}
-
-/// The nominal dampings of a rig.
-pub fn dampings(rig: &Rig) -> Result<Vec<&'static Damping>> {
-    let names: Vec<&str> = match &rig.nominal {
-        Some(list) => list.iter().map(String::as_str).collect(),
-        None => double_pendulum::DEFAULT_DAMPINGS.to_vec(),
-    };
-    let mut out: Vec<&'static Damping> = Vec::new();
-    for name in names {
-        let damping = double_pendulum::DAMPINGS.iter().find(|d| d.id == name).ok_or_else(|| {
-            let ids: Vec<&str> = double_pendulum::DAMPINGS.iter().map(|d| d.id).collect();
-            BadInput::new(format!("\"{name}\""), format!("one of {}", ids.join(", ")))
-                .in_file(&rig.path)
-                .at("nominal.effects")
-                .remedy("Correct the nominal model's dampings")
-        })?;
-        if out.contains(&damping) {
-            return Err(BadInput::new(format!("\"{name}\" a second time"), "each effect once")
-                .in_file(&rig.path)
-                .at("nominal.effects"));
-        }
-        out.push(damping);
-    }
-    Ok(out)
-}
-
-fn single_dampings(rig: &Rig) -> Result<Vec<&'static str>> {
-    let names: Vec<&str> = match &rig.nominal {
-        Some(list) => list.iter().map(String::as_str).collect(),
-        None => single_pendulum::DEFAULT_DAMPINGS.to_vec(),
-    };
-    let mut out = Vec::new();
-    for name in names {
-        let known = single_pendulum::DAMPINGS.iter().find(|d| d.0 == name);
-        let coefficient = known.map(|d| d.1).filter(|c| !out.contains(c)).ok_or_else(|| {
-            let ids: Vec<&str> = single_pendulum::DAMPINGS.iter().map(|d| d.0).collect();
-            BadInput::new(format!("\"{name}\""), format!("one of {}, each once", ids.join(", ")))
-                .in_file(&rig.path)
-                .at("nominal.effects")
-                .remedy("Correct the nominal model's dampings")
-        })?;
-        out.push(coefficient);
-    }
-    Ok(out)
 }
 
 #[cfg(test)]

@@ -177,7 +177,7 @@ impl Fitted {
         let residuals = |e: usize| Residuals {
             frequency_step_hz: 1.0 / windows.length_s,
             rms: solution.residual_rms[e].clone(),
-            dots: regression::residual_dots(&rows, e, &plain[e], 2000),
+            dots: regression::residual_dots(&rows, e, &plain[e]),
         };
         Ok(Identification {
             model: model.name.clone(),
@@ -254,7 +254,7 @@ pub(super) fn periodic(repetition: f64, part: &str, rig: &Rig, bound: &ObservedM
 }
 
 /// The warning where windows are too few for a jackknife.
-fn few_windows(solution: &Solution, windows: usize) -> Option<Warning> {
+pub(super) fn few_windows(solution: &Solution, windows: usize) -> Option<Warning> {
     (solution.blocks == 0).then(|| {
         Warning::new(
             "few-windows",
@@ -288,7 +288,7 @@ fn input_weights(
 /// there, and what the model lacks is then weighed as in a plain least squares of the right-hand
 /// side (a weight by the residual itself would turn away from the frequencies at which the system
 /// moves).
-pub(crate) fn noise_weights(
+fn noise_weights(
     rows: &[WindowRows],
     terms: &[usize],
     frequencies: usize,

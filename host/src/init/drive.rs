@@ -14,6 +14,7 @@ use crate::inspect::motion;
 use crate::report::format::significant;
 use crate::rig::Direction;
 use crate::signal::spectrum::{self, Density};
+use crate::statistics::median;
 
 /// Parts of a record in each of which the line must be.
 const PARTS: usize = 6;
@@ -150,8 +151,8 @@ fn lines(series: &[Vec<f64>], rate: f64) -> Vec<Line> {
             densities.iter().map(|d| over(d).ln_1p()).sum()
         })
         .collect();
-    let middle = spectrum::median(&mut sums.clone());
-    let spread = 1.4826 * spectrum::median(&mut sums.iter().map(|s| (s - middle).abs()).collect::<Vec<_>>());
+    let middle = median(&mut sums.clone());
+    let spread = 1.4826 * median(&mut sums.iter().map(|s| (s - middle).abs()).collect::<Vec<_>>());
     let mut order: Vec<usize> = (0..sums.len()).collect();
     order.sort_by(|a, b| sums[*b].total_cmp(&sums[*a]));
     let score = |i: usize| (sums[i] - middle) / spread.max(1e-9);

@@ -10,7 +10,8 @@ use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
 use super::drive_check;
-use super::motion::{Motion, Space, wrap};
+use super::motion::{Motion, Space};
+use crate::signal::angles::wrap;
 use crate::signal::spectrum::{self, Density};
 
 /// A named line of a spectrum.

@@ -20,6 +20,7 @@ use super::motion::{Motion, Space};
 use crate::record::Record;
 use crate::rig::Direction;
 use crate::signal::spectrum::{self, Density};
+use crate::statistics::median;
 
 /// Score from which the drive's line is taken as seen wherever the greatest score lies.
 const CLEAR: f64 = 5.0;
@@ -98,8 +99,8 @@ fn scores(series: &[Vec<f64>], rate_hz: f64, stated_hz: f64) -> Option<(usize, V
             densities.iter().map(|d| prominence(d).ln_1p()).sum()
         })
         .collect();
-    let middle = spectrum::median(&mut sums.clone());
-    let spread = 1.4826 * spectrum::median(&mut sums.iter().map(|s| (s - middle).abs()).collect::<Vec<_>>());
+    let middle = median(&mut sums.clone());
+    let spread = 1.4826 * median(&mut sums.iter().map(|s| (s - middle).abs()).collect::<Vec<_>>());
     let z = sums.iter().map(|s| (s - middle) / spread.max(1e-9)).collect();
     Some((from, z, densities))
 }
@@ -166,32 +167,15 @@ pub fn name(f: f64, drive: f64, tolerance: f64, denominator: u32) -> Option<Stri
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::record::{Losses, Segment};
+    use crate::record::Segment;
 
     #[test]
     fn a_shaker_that_stopped_in_between_does_not_bend_the_phase() {
         let advance = 42_949_673_u32; // 5 Hz at 500 Hz
         let phase = |i: u32| advance.wrapping_mul(i.min(400) + i.saturating_sub(600));
-        let segment = Segment {
-            first_tick: 0,
-            boot: 0,
-            start_s: 0.0,
-            step_s: 0.002,
-            jitter_s: 0.0,
-            columns: Vec::new(),
-            phase: Some((0..2000).map(phase).collect()),
-            amplitude_nm: None,
-        };
-        let record = Record {
-            path: "r.parquet".into(),
-            sample_rate_hz: 500.0,
-            channels: Vec::new(),
-            segments: vec![segment],
-            losses: Losses::default(),
-            warnings: Vec::new(),
-            metadata: None,
-            numbering: None,
-        };
+        let phase = Some((0..2000).map(phase).collect());
+        let segment = Segment { phase, ..Segment::new(0.0, 0.002, Vec::new()) };
+        let record = Record { sample_rate_hz: 500.0, segments: vec![segment], ..Record::default() };
         let hz = phase_frequency(&record).unwrap();
         assert!((hz - 5.0).abs() < 1e-6, "{hz}");
     }

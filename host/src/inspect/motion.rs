@@ -14,7 +14,7 @@ use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
 use crate::record::{Column, Record};
-use crate::signal::spectrum::median;
+use crate::statistics::median;
 
 /// Where a coordinate lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -40,12 +40,6 @@ pub struct Motion {
     pub step: f64,
     /// One unwrapped series for each segment of the record.
     pub stretches: Vec<Vec<f64>>,
-}
-
-/// The angle wrapped to [−π, π).
-pub fn wrap(angle: f64) -> f64 {
-    let turned = angle - TAU * ((angle + PI) / TAU).floor();
-    if turned >= PI { turned - TAU } else { turned }
 }
 
 /// Unwraps in place: each step goes the shorter way round.
@@ -201,7 +195,7 @@ impl Motion {
 }
 
 /// Weights c_{−m} … c_m of the cubic slope.
-pub fn slope_weights(m: usize) -> Vec<f64> {
+fn slope_weights(m: usize) -> Vec<f64> {
     let m = m.max(2) as i64;
     let moment = |p: i32| (-m..=m).map(|i| (i as f64).powi(p)).sum::<f64>();
     let (s2, s4, s6) = (moment(2), moment(4), moment(6));
@@ -212,13 +206,7 @@ pub fn slope_weights(m: usize) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn wraps_to_the_half_open_turn() {
-        for (angle, want) in [(0.0, 0.0), (PI, -PI), (-PI, -PI), (3.0 * PI + 0.5, -PI + 0.5), (-0.1, -0.1)] {
-            assert!((wrap(angle) - want).abs() < 1e-12, "{angle}");
-        }
-    }
+    use crate::signal::angles::wrap;
 
     #[test]
     fn unwraps_a_whirl_either_way() {

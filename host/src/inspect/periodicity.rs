@@ -10,7 +10,8 @@
 use serde::Serialize;
 use std::f64::consts::TAU;
 
-use super::motion::{Motion, Space, wrap};
+use super::motion::{Motion, Space};
+use crate::signal::angles::wrap;
 
 /// Longest period looked for, drive periods.
 pub const LONGEST: usize = 16;

@@ -5,9 +5,10 @@ use serde::Serialize;
 use std::f64::consts::TAU;
 
 use super::coordinate::Coordinate;
-use super::motion::{Motion, Space, wrap};
+use super::motion::{Motion, Space};
 use crate::record::Record;
 use crate::report::figures::decimate;
+use crate::signal::angles::wrap;
 
 /// Most points of one plotted series.
 const MOST: usize = 2000;
@@ -157,39 +158,20 @@ pub fn plots(record: &Record, motion: &Motion, coordinate: &Coordinate, drive_hz
 mod tests {
     use super::super::coordinate::describe;
     use super::*;
-    use crate::record::{Column, Losses, Segment};
+    use crate::record::{Column, Segment};
 
     #[test]
     fn thousands_of_short_segments_stay_few_points() {
-        let channel = crate::rig::Channel {
-            name: "x".into(),
-            measures: "theta1".into(),
-            unit: "rad".into(),
-            counts_per_turn: None,
-            gain: None,
-            offset: None,
-            index_at: None,
-            stuck: None,
-        };
-        let segment = |k: i64| Segment {
-            first_tick: 20 * k,
-            boot: 0,
-            start_s: 0.02 * k as f64,
-            step_s: 0.001,
-            jitter_s: 0.0,
-            columns: vec![Column::Values((0..19).map(|i| (0.01 * (20 * k + i) as f64).sin()).collect())],
-            phase: None,
-            amplitude_nm: None,
+        let segment = |k: i64| {
+            let column = Column::Values((0..19).map(|i| (0.01 * (20 * k + i) as f64).sin()).collect());
+            Segment { first_tick: 20 * k, ..Segment::new(0.02 * k as f64, 0.001, vec![column]) }
         };
         let record = Record {
             path: "x.csv".into(),
             sample_rate_hz: 1000.0,
-            channels: vec![channel],
+            channels: vec![crate::rig::Channel::new("x", "rad")],
             segments: (0..20_000).map(segment).collect(),
-            losses: Losses::default(),
-            warnings: Vec::new(),
-            metadata: None,
-            numbering: None,
+            ..Record::default()
         };
         let motion = &super::super::motion::motions(&record)[0];
         let c = describe(motion, None, 1000.0, Some(5.0), 4);

@@ -2,10 +2,10 @@
 //! from every other model.
 
 use std::f64::consts::TAU;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use super::*;
-use crate::record::{Column, Losses, Segment};
+use crate::record::{Column, Segment};
 
 /// Counts of the rig of `rigs/chaotic.toml` at a drive amplitude, viscous joints (`friction` that
 /// of joint 1, N m s), 500 Hz.
@@ -63,45 +63,14 @@ fn rig(drive_hz: f64) -> Rig {
 }
 
 fn record(rig: &Rig, columns: [Vec<i32>; 2]) -> Record {
-    let received = columns[0].len() as u64;
-    Record {
-        path: PathBuf::from("folder/made.csv"),
-        sample_rate_hz: 500.0,
-        channels: rig.channel.clone(),
-        segments: vec![Segment {
-            first_tick: 0,
-            boot: 0,
-            start_s: 0.0,
-            step_s: 0.002,
-            jitter_s: 0.0,
-            columns: columns.into_iter().map(Column::Counts).collect(),
-            phase: None,
-            amplitude_nm: None,
-        }],
-        losses: Losses { received, ..Losses::default() },
-        warnings: Vec::new(),
-        metadata: None,
-        numbering: None,
-    }
+    let segment = Segment::new(0.0, 0.002, columns.into_iter().map(Column::Counts).collect());
+    Record::of("folder/made.csv", rig, vec![segment])
 }
 
 /// The record with samples `from..to` taken out.
 fn with_gap(mut record: Record, from: usize, to: usize) -> Record {
     let whole = record.segments.remove(0);
-    let cut = |a: usize, b: usize| Segment {
-        first_tick: a as i64,
-        start_s: whole.time(a),
-        columns: whole
-            .columns
-            .iter()
-            .map(|c| match c {
-                Column::Counts(c) => Column::Counts(c[a..b].to_vec()),
-                Column::Values(v) => Column::Values(v[a..b].to_vec()),
-            })
-            .collect(),
-        ..whole.clone()
-    };
-    record.segments = vec![cut(0, from), cut(to, whole.len())];
+    record.segments = vec![whole.rows(0..from), whole.rows(to..whole.len())];
     record.losses.received -= (to - from) as u64;
     record.losses.lost_on_link += (to - from) as u64;
     record.losses.gaps = 1;

@@ -20,23 +20,7 @@
 //! and C12, C2 (viscous, joint 2): C13 = c_r1/(J_o1 Ω) viscous friction of joint 1, and C14, C4 =
 //! τ_c2/(J_oi Ω²) Coulomb friction of joint 2.
 
-/// A damping of the nominal model: where it acts and which coefficients it adds.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Damping {
-    /// `ID@PLACE` in rig files.
-    pub id: &'static str,
-    /// Names of its coefficients in the first and second equation.
-    pub names: [Option<&'static str>; 2],
-    /// Whether the coefficient is divided by Ω (viscous) or by Ω² (Coulomb).
-    pub(crate) viscous: bool,
-}
-
-impl Damping {
-    /// Whether its coefficients are divided by Ω (viscous) or by Ω² (Coulomb).
-    pub fn is_viscous(&self) -> bool {
-        self.viscous
-    }
-}
+use super::damping::Damping;
 
 /// The dampings that a nominal model may have.
 pub const DAMPINGS: &[Damping] = &[

@@ -18,8 +18,9 @@
 //!
 //! Limits: no accelerations where B11 B21 cos² Δ ≥ 1, which no two rigid arms have.
 
-use super::double_pendulum::{Base, Damping, coefficients};
-use super::dynamics::{Dynamics, Instant, Linearisation};
+use super::damping::Damping;
+use super::double_pendulum::{Base, coefficients};
+use super::dynamics::{Dynamics, Here, Linearisation};
 use crate::signal::sin_cos::four;
 
 /// Roles of parameters within an equation: coupling B_i1, gravity B_i2, base motion B_i3 (cosine)
@@ -72,16 +73,6 @@ impl LinearSystem {
     }
 }
 
-fn sign(x: f64) -> f64 {
-    if x > 0.0 {
-        1.0
-    } else if x < 0.0 {
-        -1.0
-    } else {
-        0.0
-    }
-}
-
 impl DoublePendulum {
     /// The equations at angular frequency `omega` (rad/s; 1 for a free system, `driven` false then)
     /// with these dampings.
@@ -118,7 +109,7 @@ impl DoublePendulum {
         &self.names
     }
 
-    fn state(q: &[f64], v: &[f64], at: &Instant<'_>, signs: [f64; 2]) -> State {
+    fn state(&self, Here { q, v, at, signs, .. }: Here<'_>) -> State {
         let ([sin1, sin2, sin_tau, _], [cos1, cos2, cos_tau, _]) = four([q[0], q[1], at.tau, 0.0]);
         State {
             sin: [sin1, sin2],
@@ -128,14 +119,11 @@ impl DoublePendulum {
             cos_tau,
             sin_tau,
             v: [v[0], v[1]],
-            signs,
+            signs: self.held(signs),
         }
     }
 
-    fn signs_of(v: &[f64]) -> [f64; 2] {
-        [sign(v[0]), sign(v[1] - v[0])]
-    }
-
+    /// Signs of the switches by joint; 0 for one without.
     fn held(&self, given: &[f64]) -> [f64; 2] {
         let mut out = [0.0; 2];
         for (j, s) in self.joints.iter().zip(given) {
@@ -234,66 +222,24 @@ impl Dynamics for DoublePendulum {
         self.roles.len()
     }
 
-    fn acceleration(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
-        self.evaluate(p, &Self::state(q, v, at, Self::signs_of(v)), out)
-    }
-
-    fn partials(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
-        self.derivatives(p, &Self::state(q, v, at, Self::signs_of(v)), &mut [0.0; 2], out)
-    }
-
     fn switches(&self) -> &[Vec<f64>] {
         &self.switches
     }
 
-    fn acceleration_held(
-        &self,
-        p: &[f64],
-        q: &[f64],
-        v: &[f64],
-        at: &Instant<'_>,
-        signs: &[f64],
-        out: &mut [f64],
-    ) -> bool {
-        self.evaluate(p, &Self::state(q, v, at, self.held(signs)), out)
+    fn acceleration_held(&self, here: Here<'_>, out: &mut [f64]) -> bool {
+        self.evaluate(here.parameters, &self.state(here), out)
     }
 
-    fn partials_held(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, signs: &[f64], out: &mut [f64]) -> bool {
-        self.derivatives(p, &Self::state(q, v, at, self.held(signs)), &mut [0.0; 2], out)
-    }
-
-    fn linearise_held(
-        &self,
-        p: &[f64],
-        q: &[f64],
-        v: &[f64],
-        at: &Instant<'_>,
-        signs: &[f64],
-        out: Linearisation<'_>,
-    ) -> bool {
-        self.derivatives(p, &Self::state(q, v, at, self.held(signs)), out.acceleration, out.partials)
+    fn linearise_held(&self, here: Here<'_>, out: Linearisation<'_>) -> bool {
+        self.derivatives(here.parameters, &self.state(here), out.acceleration, out.partials)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::double_pendulum::DAMPINGS;
+    use super::super::dynamics::{Instant, differences};
     use super::*;
-
-    /// The trait's own differences, from the analytic accelerations.
-    struct Differences<'a>(&'a DoublePendulum);
-
-    impl Dynamics for Differences<'_> {
-        fn degrees_of_freedom(&self) -> usize {
-            2
-        }
-        fn parameter_count(&self) -> usize {
-            self.0.parameter_count()
-        }
-        fn acceleration(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
-            self.0.acceleration(p, q, v, at, out)
-        }
-    }
 
     #[test]
     fn partials_agree_with_differences() {
@@ -305,8 +251,10 @@ mod tests {
             for (q, v) in [([0.3, 2.0], [1.5, -4.0]), ([-2.0, 7.0], [-3.0, 20.0])] {
                 let n = 2 * (4 + p.len());
                 let (mut exact, mut near) = (vec![0.0; n], vec![0.0; n]);
-                assert!(d.partials(&p, &q, &v, &at, &mut exact));
-                assert!(Differences(&d).partials(&p, &q, &v, &at, &mut near));
+                let here = Here { parameters: &p, q: &q, v: &v, at: &at, signs: &d.signs(&q, &v) };
+                let out = Linearisation { acceleration: &mut [0.0; 2], partials: &mut exact };
+                assert!(d.linearise_held(here, out));
+                assert!(differences(&d, here, &mut near));
                 for (a, b) in exact.iter().zip(&near) {
                     assert!((a - b).abs() < 1e-6 * (1.0 + b.abs()) * omega, "{a} {b}");
                 }

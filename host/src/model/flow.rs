@@ -20,20 +20,9 @@ mod switching;
 
 pub use self::outside::{Inputs, Outside};
 use self::switching::HeldSigns;
-use super::dynamics::{Dynamics, Instant, Linearisation};
+use super::dynamics::{Dynamics, Here, Instant, Linearisation};
+use super::tableau::{A, C};
 
-/// Nodes of the stages.
-const C: [f64; 7] = [0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0];
-/// Weights of the stages; the last row is the solution.
-const A: [[f64; 6]; 7] = [
-    [0.0; 6],
-    [0.2, 0.0, 0.0, 0.0, 0.0, 0.0],
-    [3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0],
-    [44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0, 0.0, 0.0, 0.0],
-    [19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0, 0.0, 0.0],
-    [9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0, 0.0],
-    [35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
-];
 /// Most changes of a sign within one step.
 const MOST_EVENTS: usize = 24;
 
@@ -125,9 +114,9 @@ impl Work {
         Self::new(dynamics, 2 * n + dynamics.parameter_count(), Some(2 * n))
     }
 
-    /// Room for the state and `columns` tangent vectors.
-    pub fn tangent<D: Dynamics + ?Sized>(dynamics: &D, columns: usize) -> Self {
-        Self::new(dynamics, columns, None)
+    /// Room for the state and one tangent vector.
+    pub fn tangent<D: Dynamics + ?Sized>(dynamics: &D) -> Self {
+        Self::new(dynamics, 1, None)
     }
 
     /// Sets the state (q then v); derivatives by initial state become the identity, all others
@@ -270,7 +259,6 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
         let out = &mut stages[k];
         let instant = self.instant(time, inputs);
         let (q, v) = y[..2 * n].split_at(n);
-        let p = self.parameters;
         let width = partials.len() / n.max(1);
         for (s, m) in signs.iter_mut().zip(modes.iter()) {
             *s = m.value();
@@ -278,7 +266,8 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
         // Sticking joints: the sign that keeps the rate zero, one joint after the other (the laws
         // are linear in each sign).
         let stuck = modes.contains(&Mode::Sticks);
-        let held = HeldSigns { dynamics: self.dynamics, parameters: p, q, v, at: &instant };
+        let here = Here { parameters: self.parameters, q, v, at: &instant, signs: &[] };
+        let held = HeldSigns { dynamics: self.dynamics, here };
         if stuck {
             for _ in 0..2 {
                 for s in 0..modes.len() {
@@ -291,10 +280,10 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
         let (head, tail) = out.split_at_mut(2 * n);
         head[..n].copy_from_slice(v);
         if w == 0 {
-            return self.dynamics.acceleration_held(p, q, v, &instant, signs, &mut head[n..]);
+            return self.dynamics.acceleration_held(Here { signs, ..here }, &mut head[n..]);
         }
         let both = Linearisation { acceleration: &mut head[n..], partials };
-        if !self.dynamics.linearise_held(p, q, v, &instant, signs, both) {
+        if !self.dynamics.linearise_held(Here { signs, ..here }, both) {
             return false;
         }
         if stuck {

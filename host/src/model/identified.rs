@@ -17,7 +17,7 @@ use serde::Serialize;
 use toml::{Table, Value};
 
 use crate::error::{BadInput, Result};
-use crate::identify::Parameter;
+use crate::model::parameter::Parameter;
 use crate::system::library::Pendulum;
 
 /// Which equations the parameters belong to.
@@ -198,7 +198,7 @@ impl IdentifiedModel {
     /// # Errors
     /// A folder that does not exist, a full disk, missing rights.
     pub fn write(&self, path: &Path) -> Result<()> {
-        crate::cli::output::write_file(path, self.to_toml().as_bytes())
+        crate::files::write_file(path, self.to_toml().as_bytes())
     }
 
     /// Reads and checks a file.
@@ -315,11 +315,11 @@ fn take_text(table: &mut Table, prefix: &str, name: &str) -> Result<String> {
     }
 }
 
-fn take_number(table: &mut Table, prefix: &str, name: &str) -> Result<f64> {
-    let place = format!("{prefix}{name}");
-    match table.remove(name) {
+fn take_value(table: &mut Table, prefix: &str) -> Result<f64> {
+    let place = format!("{prefix}value");
+    match table.remove("value") {
         Some(v) => finite(&v).ok_or_else(|| bad(place, &v, "a finite number")),
-        None => Err(BadInput::new(format!("no {name}"), "a finite number").at(place)),
+        None => Err(BadInput::new("no value", "a finite number").at(place)),
     }
 }
 
@@ -351,7 +351,7 @@ fn parameters(table: Table) -> Result<Vec<Parameter>> {
             let Value::Table(mut t) = v else {
                 return Err(bad(format!("parameters.{name}"), &v, "{ value = …, std_error = …, unit = \"…\" }"));
             };
-            let value = take_number(&mut t, &prefix, "value")?;
+            let value = take_value(&mut t, &prefix)?;
             let std_error = take_error(&mut t, &prefix)?;
             let unit = if t.contains_key("unit") { take_text(&mut t, &prefix, "unit")? } else { "1".to_owned() };
             nothing_left(&t, &prefix, "value, std_error, unit")?;
@@ -367,7 +367,7 @@ fn effect(index: usize, v: Value) -> Result<AddedEffect> {
     };
     let id = take_text(&mut t, &prefix, "id")?;
     let at = take_text(&mut t, &prefix, "at")?;
-    let value = take_number(&mut t, &prefix, "value")?;
+    let value = take_value(&mut t, &prefix)?;
     let std_error = take_error(&mut t, &prefix)?;
     let unit = take_text(&mut t, &prefix, "unit")?;
     let strengths = match t.remove("strengths") {

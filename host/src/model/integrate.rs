@@ -7,6 +7,7 @@
 //! such a step.
 
 use super::dynamics::{Dynamics, Instant};
+use super::tableau::{A, C, E};
 
 /// What acts from outside: phase and inputs at a time.
 pub trait Outside: Sync {
@@ -33,21 +34,6 @@ pub struct Settings {
     /// Steps within one sampling interval at most.
     pub finest: f64,
 }
-
-/// Nodes and weights of the stages.
-const C: [f64; 7] = [0.0, 0.2, 0.3, 0.8, 8.0 / 9.0, 1.0, 1.0];
-const A: [[f64; 6]; 7] = [
-    [0.0; 6],
-    [0.2, 0.0, 0.0, 0.0, 0.0, 0.0],
-    [3.0 / 40.0, 9.0 / 40.0, 0.0, 0.0, 0.0, 0.0],
-    [44.0 / 45.0, -56.0 / 15.0, 32.0 / 9.0, 0.0, 0.0, 0.0],
-    [19372.0 / 6561.0, -25360.0 / 2187.0, 64448.0 / 6561.0, -212.0 / 729.0, 0.0, 0.0],
-    [9017.0 / 3168.0, -355.0 / 33.0, 46732.0 / 5247.0, 49.0 / 176.0, -5103.0 / 18656.0, 0.0],
-    [35.0 / 384.0, 0.0, 500.0 / 1113.0, 125.0 / 192.0, -2187.0 / 6784.0, 11.0 / 84.0],
-];
-/// Difference of the solutions of order 5 and 4.
-const E: [f64; 7] =
-    [71.0 / 57600.0, 0.0, -71.0 / 16695.0, 71.0 / 1920.0, -17253.0 / 339_200.0, 22.0 / 525.0, -1.0 / 40.0];
 
 /// Coordinates and rates at every sample (count rows of 2n) from `initial` (q, then v) on; `None`
 /// where the accelerations cease to exist or the motion leaves the finite numbers.
@@ -119,6 +105,7 @@ pub fn solve<D: Dynamics + ?Sized>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::dynamics::Here;
 
     /// q̈ = −ω² q − c sign q̇ + u.
     struct Oscillator;
@@ -130,7 +117,7 @@ mod tests {
         fn parameter_count(&self) -> usize {
             2
         }
-        fn acceleration(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
+        fn acceleration_held(&self, Here { parameters: p, q, v, at, .. }: Here<'_>, out: &mut [f64]) -> bool {
             let sign = if v[0] == 0.0 { 0.0 } else { v[0].signum() };
             out[0] = -p[0] * p[0] * q[0] - p[1] * sign + at.inputs[0];
             out[0].is_finite()

@@ -1,5 +1,6 @@
 //! Equations of motion in the form that identification uses: linear in their unknown coefficients.
 
+pub mod damping;
 pub mod double_pendulum;
 pub mod double_pendulum_dynamics;
 pub mod dynamics;
@@ -7,7 +8,9 @@ pub mod flow;
 pub mod identified;
 pub mod integrate;
 pub mod model_file;
+pub mod parameter;
 pub mod single_pendulum;
+mod tableau;
 pub mod vectors;
 pub mod weak;
 

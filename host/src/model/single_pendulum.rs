@@ -9,8 +9,13 @@
 //! into p_cos = −f cos ψ and n_cos = f sin ψ, a vertical one into p_sin and n_sin, gravity into
 //! q_sin = 1/r². The names of order k = 1 have no number.
 
-/// The dampings that a nominal model may have: id, and the coefficient's name.
-pub const DAMPINGS: &[(&str, &str)] = &[("viscous-friction@joint1", "c_r"), ("coulomb-friction@joint1", "C11")];
+use super::damping::Damping;
+
+/// The dampings that a nominal model may have.
+pub const DAMPINGS: &[Damping] = &[
+    Damping { id: "viscous-friction@joint1", names: [Some("c_r"), None], viscous: true },
+    Damping { id: "coulomb-friction@joint1", names: [Some("C11"), None], viscous: false },
+];
 
 /// The single pendulum's default nominal damping.
 pub const DEFAULT_DAMPINGS: &[&str] = &["viscous-friction@joint1"];

@@ -68,8 +68,7 @@ pub fn of_own(model: &IdentifiedModel, rig: &Rig, start_s: f64) -> Result<Vec<Ef
 
 /// Effects of written equations: at their joints, arms, drive, frame and encoders where the file
 /// says on how long a record they were found, otherwise at coordinates. `identified` tells them,
-/// `own` in
-/// the terms of the rig's equations.
+/// `own` in the terms of the rig's equations.
 ///
 /// # Errors
 /// As [`of_own`].
@@ -219,13 +218,12 @@ fn is_finite(of: &Node) -> bool {
     of.with_memories(&|_, _| number(0.3)).value(&|_| 0.3).is_finite()
 }
 
-/// Effects at the coordinates of a model file; `identified` tells them, `own` in the terms of
-/// the rig's
-/// equations.
+/// Effects at the coordinates of a model file; `identified` tells them, `own` in the terms of the
+/// rig's equations.
 ///
 /// # Errors
 /// Other equations than the rig's, an effect that there is not.
-pub fn of_coordinates(own: &IdentifiedModel, identified: &IdentifiedModel, rig: &Rig) -> Result<Vec<Effect>> {
+fn of_coordinates(own: &IdentifiedModel, identified: &IdentifiedModel, rig: &Rig) -> Result<Vec<Effect>> {
     let Some(bound) = &rig.bound else { return Ok(Vec::new()) };
     let found = at_coordinates::of(own, &bound.model)?;
     let list = found.into_iter().zip(&identified.effects);

@@ -2,10 +2,11 @@
 //! measured inputs from there on.
 //!
 //! The state is the one from which the model follows the first two drive periods best (for a free
-//! system, what stands for them: see [`crate::validate`]), sensors weighed by their noise. What
+//! system, what stands for them: [`period_s`]), sensors weighed by their noise. What
 //! effects add to sensors and inputs is taken off the whole stretch first ([`OfTheRecord`]), as an
 //! explanation does: a sensor that is late shows the first state after it.
 
+use super::starts::{MOST_STARTS, Pace, RecordTrack, Starts, period_s};
 use super::{Acts, Motion};
 use crate::error::{BadInput, Result};
 use crate::identify::Settings as IdentifySettings;
@@ -14,9 +15,6 @@ use crate::identify::stretches::Stretch;
 use crate::identify::taken_off::OfTheRecord;
 use crate::identify::track::{ExogenousInputs, Track};
 use crate::record::Record;
-use crate::validate::identified_equations::IdentifiedEquations;
-use crate::validate::starts::{Pace, RecordTrack, Starts};
-use crate::validate::{Settings, period_s};
 
 /// Where a simulation begins.
 pub struct Begin {
@@ -62,17 +60,8 @@ pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<B
     let track = Track::new(&part, &exogenous, &motion.rig, &motion.bound, &prepared.sensors);
     let followed = RecordTrack { stretches: &part, track: &track };
     let (equations, parameters) = motion.equations()?;
-    let names = equations.coefficients().to_vec();
-    let identified = IdentifiedEquations {
-        of_drive: vec![false; names.len()],
-        names,
-        left_out: Vec::new(),
-        dynamics: Box::new(equations),
-        parameters,
-    };
-    let settings = Settings::default();
     let pace = Pace { period_s: period_s(&motion.rig, &prepared), omega };
-    let starts = Starts::new(&identified, followed, motion.circle(), pace, &settings);
+    let starts = Starts::new(&equations, &parameters, followed, pace, MOST_STARTS);
     let mut state = starts.first_state(followed, 0).ok_or_else(|| {
         BadInput::new(
             format!("no solution of the model that follows the record from t = {at} s"),
@@ -82,7 +71,7 @@ pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<B
         .remedy("Begin elsewhere with --start, or give the model that was identified on this record")
     })?;
     // Pieces lose their whole turns.
-    for (k, _) in motion.circle().into_iter().enumerate().filter(|c| c.1) {
+    for (k, _) in motion.file.circle().into_iter().enumerate().filter(|c| c.1) {
         let turns = (measured[k] - state[k]) / core::f64::consts::TAU;
         state[k] += core::f64::consts::TAU * turns.round();
     }

@@ -26,17 +26,18 @@ pub mod effects;
 pub mod from_record;
 pub mod simulation;
 pub mod stand_in;
+pub mod starts;
 
 use std::path::Path;
 
 use crate::effects::on_a_record::{self, Addition, Samples};
 use crate::error::{BadInput, Result};
 use crate::explain::single_pendulum;
-use crate::identify::Parameter;
 use crate::model::identified::{AddedEffect, IdentifiedModel, System};
+use crate::model::model_file::ModelFile;
 use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 use crate::model::model_file::expression::{Node, Symbol, add, multiply, number, symbol};
-use crate::model::model_file::{ModelFile, Space};
+use crate::model::parameter::Parameter;
 use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
 use crate::system::library::Pendulum;
@@ -163,11 +164,6 @@ impl Motion {
         self.rig.drive.map(|_| self.rig.omega())
     }
 
-    /// Whether each coordinate is an angle on the circle.
-    pub fn circle(&self) -> Vec<bool> {
-        self.file.coordinates.iter().map(|c| c.space == Space::Circle).collect()
-    }
-
     /// The strengths of all effects on the motion, each with its effect.
     pub fn strengths(&self) -> impl Iterator<Item = (&Effect, &Strength)> {
         self.effects.iter().flat_map(|e| match &e.acts {
@@ -214,31 +210,27 @@ impl Motion {
     /// A state to begin with where none is given: every angle 1 rad, every other coordinate 0.1 of
     /// its unit, at rest.
     pub fn example(&self) -> Vec<f64> {
-        let circle = self.circle();
+        let circle = self.file.circle();
         let q = circle.iter().map(|c| if *c { 1.0 } else { 0.1 });
         q.chain(circle.iter().map(|_| 0.0)).collect()
     }
 
     /// What a sensor shows of what it ought to show.
     pub fn shown(&self, sensor: usize, own: &Samples<'_>) -> Vec<f64> {
-        let laws = |acts: &Acts| match acts {
-            Acts::Sensor(k, laws) if *k == sensor => laws.clone(),
-            _ => Vec::new(),
-        };
-        self.put_on(own, &laws)
+        self.put_on(own, |acts| matches!(acts, Acts::Sensor(k, _) if *k == sensor))
     }
 
     /// What is recorded of an input.
     pub fn recorded(&self, input: usize, own: &Samples<'_>) -> Vec<f64> {
-        let laws = |acts: &Acts| match acts {
-            Acts::Input(k, laws) if *k == input => laws.clone(),
-            _ => Vec::new(),
-        };
-        self.put_on(own, &laws)
+        self.put_on(own, |acts| matches!(acts, Acts::Input(k, _) if *k == input))
     }
 
-    fn put_on(&self, own: &Samples<'_>, laws: &dyn Fn(&Acts) -> Vec<Addition>) -> Vec<f64> {
-        let all: Vec<Addition> = self.effects.iter().flat_map(|e| laws(&e.acts)).collect();
+    fn put_on(&self, own: &Samples<'_>, is_on: impl Fn(&Acts) -> bool) -> Vec<f64> {
+        let laws = |e: &Effect| match &e.acts {
+            acts @ (Acts::Sensor(_, laws) | Acts::Input(_, laws)) if is_on(acts) => laws.clone(),
+            _ => Vec::new(),
+        };
+        let all: Vec<Addition> = self.effects.iter().flat_map(laws).collect();
         on_a_record::put_on(own, None, &all)
     }
 }

@@ -14,6 +14,7 @@ use crate::identify::stretches::mixed;
 use crate::model::flow::{Flow, Inputs, Outside, Work};
 use crate::model::integrate::Outside as _;
 use crate::record::Column;
+use crate::record::values::column;
 
 /// Difference between solutions at two steps that is exact, of the largest size of a coordinate (of
 /// 1 at least).
@@ -24,10 +25,6 @@ const MOST_HALVINGS: u32 = 10;
 const ROUNDING: f64 = 1e-9;
 /// Time over which the step is sought, s.
 const SOUGHT_S: f64 = 1.0;
-/// Longest simulation, s, and most samples.
-pub const LONGEST_S: f64 = 86_400.0;
-/// Most samples.
-pub const MOST_SAMPLES: f64 = 2e7;
 
 /// A solution at even times.
 #[derive(Clone, Debug, PartialEq)]
@@ -131,27 +128,14 @@ pub fn columns(motion: &Motion, solution: &Solution, step_s: f64) -> Result<Vec<
             let scale = c.scale();
             if let Some(input) = motion.bound.inputs.iter().position(|i| *i == k) {
                 let u = &solution.inputs[input];
-                if motion.bound.base == Some(input) && c.unit != "m/s2" {
-                    return Err(BadInput::new(
-                        format!("unit \"{}\"", c.unit),
-                        "unit \"m/s2\" for a base that is simulated",
-                    )
-                    .in_file(&motion.rig.path)
-                    .at(format!("channel \"{}\"", c.name))
-                    .remedy("What moves the model is the base's acceleration, of which no position can be written"));
-                }
+                let remedy = "What moves the model is the base's acceleration, of which no position can be written";
+                motion.bound.refuse_base_position(&motion.rig, input, remedy)?;
                 let shown = motion.recorded(input, &Samples { values: u, start_s: 0.0, step_s });
                 return Ok(Column::Values(shown.into_iter().map(|u| u / scale).collect()));
             }
             let sensor = motion.bound.sensors.iter().position(|i| *i == k).unwrap_or(0);
             let x = motion.shown(sensor, &Samples { values: &shown[sensor], start_s: 0.0, step_s });
-            let values = x.into_iter().map(|x| x / scale);
-            if c.unit != "count" {
-                return Ok(Column::Values(values.collect()));
-            }
-            let counts: Option<Vec<i32>> =
-                values.map(|x| Some(x.floor()).filter(|x| x.abs() < f64::from(i32::MAX)).map(|x| x as i32)).collect();
-            counts.map(Column::Counts).ok_or_else(|| {
+            column(c, x.into_iter().map(|x| x / scale)).ok_or_else(|| {
                 BadInput::new("an angle beyond 32 bits of counts", "fewer turns").remedy("Simulate a shorter time")
             })
         })

@@ -26,16 +26,6 @@ pub const RATE_HZ: f64 = 500.0;
 /// # Errors
 /// A built-in model that there is not, a model file that cannot be read.
 pub fn rig(model: &IdentifiedModel, path: &Path) -> Result<Rig> {
-    let plain = |name: &str, unit: &str| Channel {
-        name: name.to_owned(),
-        measures: name.to_owned(),
-        unit: unit.to_owned(),
-        counts_per_turn: None,
-        gain: None,
-        offset: None,
-        index_at: None,
-        stuck: None,
-    };
     let (id, file, channel) = match &model.system {
         System::BuiltIn(id) => {
             let Some(pendulum) = model.system.pendulum() else {
@@ -43,13 +33,13 @@ pub fn rig(model: &IdentifiedModel, path: &Path) -> Result<Rig> {
                     .at("model")
                     .remedy("Give a model that `whirl identify -o` or `whirl explain -o` wrote"));
             };
-            (id.clone(), None, pendulum.coordinates().iter().map(|n| plain(n, "rad")).collect::<Vec<_>>())
+            (id.clone(), None, pendulum.coordinates().iter().map(|n| Channel::new(n, "rad")).collect::<Vec<_>>())
         }
         System::Own(_) => {
             let file = ModelFile::read(path)?;
             let unit = |space: Space| if space == Space::Circle { "rad" } else { "1" };
-            let coordinates = file.coordinates.iter().map(|c| plain(&c.name, unit(c.space)));
-            let channels = coordinates.chain(file.inputs.iter().map(|u| plain(u, "1"))).collect();
+            let coordinates = file.coordinates.iter().map(|c| Channel::new(&c.name, unit(c.space)));
+            let channels = coordinates.chain(file.inputs.iter().map(|u| Channel::new(u, "1"))).collect();
             (path.display().to_string(), Some(file), channels)
         }
     };

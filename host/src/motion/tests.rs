@@ -6,7 +6,7 @@ use std::path::Path;
 use super::*;
 use crate::model::double_pendulum_dynamics::DoublePendulum;
 use crate::model::dynamics::{Dynamics, Instant};
-use crate::record::{Column, Losses, Record, Segment};
+use crate::record::{Column, Record, Segment};
 
 fn rig(model: &str, drive: &str) -> Rig {
     let text = format!(
@@ -261,26 +261,8 @@ fn a_record_through_its_sensors_begins_in_the_motion_s_own_state() {
         assert!(matches!(motion.effects[0].acts, Acts::Sensor(1, _)));
         let every_second = |of: Shown<'_>| Column::Values((0..count).map(|i| of(2 * i)).collect());
         let start_s = late as f64 * half_s;
-        let segment = Segment {
-            first_tick: 0,
-            boot: 0,
-            start_s,
-            step_s: 2.0 * half_s,
-            jitter_s: 0.0,
-            columns: vec![every_second(&|i| own[0][i + late]), every_second(shows)],
-            phase: None,
-            amplitude_nm: None,
-        };
-        let record = Record {
-            path: "(simulated)".into(),
-            sample_rate_hz: motion.rig.sample_rate_hz,
-            channels: motion.rig.channel.clone(),
-            losses: Losses { received: count as u64, ..Losses::default() },
-            segments: vec![segment],
-            warnings: Vec::new(),
-            metadata: None,
-            numbering: None,
-        };
+        let columns = vec![every_second(&|i| own[0][i + late]), every_second(shows)];
+        let record = Record::of("(simulated)", &motion.rig, vec![Segment::new(start_s, 2.0 * half_s, columns)]);
         // Off the record's end, where nothing tells what follows.
         let found = from_record::begin(&motion, &record, Some(start_s + 1.0)).unwrap();
         let at = late + 1000;

@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::{Flow, Outside, Work};
+use crate::model::model_file::equations_of_motion::wrapped;
 
 /// Choices.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -57,7 +58,7 @@ pub fn bifurcation<D: Dynamics + ?Sized>(
                     }
                     if i >= settings.settle {
                         let wrap = |(i, x): (usize, &f64)| match angles.get(i) {
-                            Some(true) => x - TAU * (x / TAU + 0.5).floor(),
+                            Some(true) => wrapped(*x),
                             _ => *x,
                         };
                         out.push(work.state().iter().enumerate().map(wrap).collect());
@@ -72,7 +73,7 @@ pub fn bifurcation<D: Dynamics + ?Sized>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::dynamics::Instant;
+    use crate::model::dynamics::Here;
 
     /// The horizontally driven pendulum of (2.1): θ″ = −c θ′ − w sin θ + f sin τ cos θ at Ω = 1.
     struct Pendulum;
@@ -84,7 +85,7 @@ mod tests {
         fn parameter_count(&self) -> usize {
             1
         }
-        fn acceleration(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
+        fn acceleration_held(&self, Here { parameters: p, q, v, at, .. }: Here<'_>, out: &mut [f64]) -> bool {
             out[0] = -0.036 * v[0] - 1.44 * q[0].sin() + p[0] * at.tau.sin() * q[0].cos();
             true
         }

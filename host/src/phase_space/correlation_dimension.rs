@@ -171,17 +171,12 @@ fn straightest(x: &[f64], y: &[f64], first: usize, end: usize) -> Option<(usize,
 #[cfg(test)]
 mod tests {
     use super::super::observable::Observable;
+    use super::super::test_series::henon;
     use super::*;
 
     #[test]
     fn henon_1_22_and_a_circle_1_and_a_square_2() {
-        let mut state = (0.1f64, 0.1f64);
-        let x: Vec<f64> = (0..10_100)
-            .map(|_| {
-                state = (1.0 - 1.4 * state.0 * state.0 + state.1, 0.3 * state.0);
-                state.0
-            })
-            .collect();
+        let x = henon(10_100);
         let o = Observable::number(&[&x[100..]], 0.0, 0);
         let found = correlation_dimension(&Embedding::of_one(&o, 1, 2, 0, usize::MAX), 5, 2500, 0.0);
         let d = found.dimension.unwrap();

@@ -143,17 +143,12 @@ pub fn cao_dimension(e1: &[f64], tolerance: f64) -> Option<usize> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::test_series::henon;
     use super::*;
 
     #[test]
     fn henon_needs_two_dimensions_and_noise_more_than_there_are() {
-        let mut state = (0.1f64, 0.1f64);
-        let x: Vec<f64> = (0..4000)
-            .map(|_| {
-                state = (1.0 - 1.4 * state.0 * state.0 + state.1, 0.3 * state.0);
-                state.0
-            })
-            .collect();
+        let x = henon(4000);
         let s = Settings { dimensions: 6, ..Settings::default() };
         let found = false_nearest_neighbours(&Observable::number(&[&x[100..]], 0.0, 0), 1, &s);
         assert!(found.share[0] > 0.3 && found.share[1] < 0.01 && found.share[2] < 0.01, "{found:?}");

@@ -290,31 +290,9 @@ fn coverage(record: &[Trajectory<'_>], points: &[Vec<Vec<f64>>], total: usize, s
 
 #[cfg(test)]
 mod tests {
+    use super::super::test_series::lorenz;
     use super::super::unstable_periodic_orbit::Track;
     use super::*;
-
-    /// Lorenz's x, y and z (σ = 10, r = 28, b = 8/3) at 0.01, by classical Runge–Kutta steps of
-    /// 0.002.
-    fn lorenz(samples: usize) -> [Vec<f64>; 3] {
-        let rate = |[x, y, z]: [f64; 3]| [10.0 * (y - x), x * (28.0 - z) - y, x * y - 8.0 / 3.0 * z];
-        let mut q = [1.0, 1.0, 20.0];
-        let mut out = [Vec::new(), Vec::new(), Vec::new()];
-        for i in 0..samples + 2000 {
-            if i >= 2000 {
-                (0..3).for_each(|k| out[k].push(q[k]));
-            }
-            for _ in 0..5 {
-                let h = 0.002;
-                let moved = |k: [f64; 3], share: f64| core::array::from_fn(|i| q[i] + share * h * k[i]);
-                let a = rate(q);
-                let b = rate(moved(a, 0.5));
-                let c = rate(moved(b, 0.5));
-                let d = rate(moved(c, 1.0));
-                (0..3).for_each(|i| q[i] += h / 6.0 * (a[i] + 2.0 * b[i] + 2.0 * c[i] + d[i]));
-            }
-        }
-        out
-    }
 
     fn stretch<'a>(values: &[&'a [f64]]) -> Trajectory<'a> {
         let track = |x: &&'a [f64]| {
@@ -328,7 +306,7 @@ mod tests {
     /// 1.5587, AAB and ABB 2.3059, then those of four turns: AAAB, ABBB 3.0236, AABB 3.0843.
     #[test]
     fn finds_lorenzs_shortest_orbits_with_their_published_periods() {
-        let [x, y, z] = lorenz(60_000);
+        let [x, y, z] = lorenz(60_000, 5);
         let settings = Settings { tolerance: 0.02, longest: 340, merge: 2.0, delay: 10, most: 2000 };
         for record in [vec![&x[..], &y[..], &z[..]], vec![&x[..], &z[..]]] {
             let found = extract(&[stretch(&record)], &settings);

@@ -5,8 +5,7 @@
 //! the Theiler window; the exponent is the slope of S over the samples in which it rises in a
 //! straight line, divided by the sampling step.
 //!
-//! **Fit window.** S leaves the first distance as the difference turns into the growing
-//! direction,
+//! **Fit window.** S leaves the first distance as the difference turns into the growing direction,
 //! and it saturates at S_∞, the mean of ln of the distance of unrelated vectors. The window ends
 //! where S comes within `ceiling` of S_∞ and starts after a settling time; within that the pair
 //! (start, end) is taken whose straight line is the longest that still describes the curve: the
@@ -218,6 +217,7 @@ fn jackknife(divergence: &Divergence, from: usize, to: usize) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::super::observable::Observable;
+    use super::super::test_series::{henon, lorenz};
     use super::*;
 
     fn exponent(x: &[f64], delay: usize, dimension: usize, settings: &Settings) -> StraightPart {
@@ -229,13 +229,7 @@ mod tests {
 
     #[test]
     fn henon_0_419_a_step() {
-        let mut state = (0.1f64, 0.1f64);
-        let x: Vec<f64> = (0..6000)
-            .map(|_| {
-                state = (1.0 - 1.4 * state.0 * state.0 + state.1, 0.3 * state.0);
-                state.0
-            })
-            .collect();
+        let x = henon(6000);
         let s = Settings { theiler: 5, steps: 25, followed: 2, unit: 1.0, settle: 1, ceiling: 1.0 };
         let fit = exponent(&x[100..], 1, 2, &s);
         assert!((fit.slope - 0.419).abs() < 0.03, "{fit:?}");
@@ -244,21 +238,8 @@ mod tests {
 
     #[test]
     fn lorenz_0_906_a_second() {
-        let rates = |x: [f64; 3]| [10.0 * (x[1] - x[0]), x[0] * (28.0 - x[2]) - x[1], x[0] * x[1] - 8.0 / 3.0 * x[2]];
-        let dt = 0.01;
-        let mut x = [1.0, 1.0, 20.0];
-        let mut series = Vec::new();
-        for n in 0..24_000 {
-            if n % 2 == 0 && n > 2000 {
-                series.push(x[0]);
-            }
-            let at = |k: [f64; 3], f: f64| -> [f64; 3] { std::array::from_fn(|i| x[i] + f * dt * k[i]) };
-            let k1 = rates(x);
-            let k2 = rates(at(k1, 0.5));
-            let k3 = rates(at(k2, 0.5));
-            let k4 = rates(at(k3, 1.0));
-            x = std::array::from_fn(|i| x[i] + dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
-        }
+        let [x, ..] = lorenz(22_000, 1);
+        let series: Vec<f64> = x.into_iter().skip(2).step_by(2).collect();
         let s = Settings { theiler: 50, steps: 400, followed: 3, unit: 1.0, settle: 40, ceiling: 1.0 };
         let fit = exponent(&series, 8, 3, &s);
         let slope = fit.slope / 0.02;

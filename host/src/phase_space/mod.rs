@@ -23,4 +23,6 @@ pub mod survey_settings;
 pub mod survey_text;
 pub mod survey_warnings;
 pub mod tangent_exponent;
+#[cfg(test)]
+mod test_series;
 pub mod unstable_periodic_orbit;

@@ -74,7 +74,7 @@ pub fn of_model<D: Dynamics + ?Sized>(
     intervals: usize,
 ) -> Option<Exponent> {
     let n = dynamics.degrees_of_freedom();
-    let mut work = Work::tangent(dynamics, 1);
+    let mut work = Work::tangent(dynamics);
     work.set(state);
     // Rates are of the size of angles times the angular frequency: measured in those, the vector's
     // growth evens out sooner.
@@ -99,7 +99,7 @@ pub fn of_model<D: Dynamics + ?Sized>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::dynamics::Instant;
+    use crate::model::dynamics::Here;
     use crate::model::flow::Outside;
 
     #[test]
@@ -169,7 +169,7 @@ mod tests {
         fn parameter_count(&self) -> usize {
             2
         }
-        fn acceleration(&self, p: &[f64], q: &[f64], v: &[f64], _: &Instant<'_>, out: &mut [f64]) -> bool {
+        fn acceleration_held(&self, Here { parameters: p, q, v, .. }: Here<'_>, out: &mut [f64]) -> bool {
             out[0] = p[0] * q[0] - p[1] * v[0];
             true
         }

@@ -23,7 +23,7 @@ use crate::model::flow::{Flow, Work};
 const MOST_ROUNDS: usize = 40;
 /// Size of the closing error, rad (and rad/s over the drive's angular frequency), at which an orbit
 /// counts as periodic.
-pub const CLOSED: f64 = 1e-9;
+const CLOSED: f64 = 1e-9;
 
 /// A periodic orbit of a model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -140,7 +140,7 @@ pub fn refine<D: Dynamics + ?Sized>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::dynamics::Instant;
+    use crate::model::dynamics::Here;
     use crate::model::flow::Outside;
 
     /// q̈ = a q + F cos τ: the periodic solution is q = −F cos τ/(1 + a) at Ω = 1, with multipliers
@@ -154,7 +154,7 @@ mod tests {
         fn parameter_count(&self) -> usize {
             2
         }
-        fn acceleration(&self, p: &[f64], q: &[f64], _: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
+        fn acceleration_held(&self, Here { parameters: p, q, at, .. }: Here<'_>, out: &mut [f64]) -> bool {
             out[0] = p[0] * q[0] + p[1] * at.tau.cos();
             true
         }
@@ -183,7 +183,7 @@ mod tests {
         fn parameter_count(&self) -> usize {
             0
         }
-        fn acceleration(&self, _: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
+        fn acceleration_held(&self, Here { q, v, at, .. }: Here<'_>, out: &mut [f64]) -> bool {
             out[0] = 0.3 * (1.0 - v[0]) + 0.2 * (at.tau - q[0]).sin();
             true
         }

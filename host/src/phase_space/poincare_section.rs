@@ -51,7 +51,7 @@ pub fn section(record: &[Trajectory<'_>], turns: f64, period: f64, half_width: &
                 let centre = if t - i as f64 > 0.5 { i + 1 } else { i };
                 let slope: f64 = (1..=m).map(|k| k as f64 * (x[centre + k] - x[centre - k])).sum();
                 let squares: f64 = (1..=m).map(|k| 2.0 * (k * k) as f64).sum();
-                out.value[c].push(if track.angle { crate::inspect::motion::wrap(v) } else { v } as f32);
+                out.value[c].push(if track.angle { crate::signal::angles::wrap(v) } else { v } as f32);
                 out.velocity[c].push((slope / squares / s.step_s) as f32);
             }
         }

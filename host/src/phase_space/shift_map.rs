@@ -3,8 +3,8 @@
 //!
 //! A rational p/q with q odd is a periodic point: its period is the order of 2 modulo q. The points
 //! with 2ⁿ x = x are p/(2ⁿ − 1). For any x there is one of them, y, with the same first n binary
-//! digits, and
-//! |x(k) − y(k)| < 2^−(n−k) for all k ≤ n (4.4): the orbit of length n lies close to a periodic one but for its last few points.
+//! digits, and |x(k) − y(k)| < 2^−(n−k) for all k ≤ n (4.4): the orbit of length n lies close to a
+//! periodic one but for its last few points.
 //!
 //! Points are fractions of integers of 128 bits (n ≤ 60, q < 2⁶⁴): a double holds 53 digits, and
 //! each step shifts one of them out, so that every orbit in floating point ends at 0 after 53
@@ -34,20 +34,6 @@ impl Point {
         self.p as f64 / self.q as f64
     }
 
-    /// Whether both are the same number.
-    pub fn equals(self, other: Self) -> bool {
-        self.p * other.q == other.p * self.q
-    }
-
-    /// Least n ≤ `most` with x(n) = x(0); none for a point that is not periodic within it.
-    pub fn period(self, most: u32) -> Option<u32> {
-        let mut x = self;
-        (1..=most).find(|_| {
-            x = x.shifted();
-            x.p == self.p
-        })
-    }
-
     /// The point of period n (or of a divisor of n) with the same first n binary digits, 1 ≤ n
     /// ≤ 60. Digits that are all 1 stand for (2ⁿ − 1)/(2ⁿ − 1) = 1, which is the fixed point 0 from
     /// the other side; it is kept as 1 so that (4.4) holds.
@@ -73,56 +59,9 @@ pub fn shadow_orbit(x: Point, n: u32) -> Option<Vec<Point>> {
     Some(std::iter::successors(Some(first), |y| Some(Point { p: turn(y.p), q })).take(n as usize + 1).collect())
 }
 
-/// One point of every orbit of least period n, the smallest of each, in order; n ≤ 24 (there are
-/// about 2ⁿ/n).
-pub fn periodic_orbits(n: u32) -> Vec<Point> {
-    if !(1..=24).contains(&n) {
-        return Vec::new();
-    }
-    let q = (1u64 << n) - 1;
-    let rotations = |p: u64| (1..n).scan(p, move |x, _| Some(std::mem::replace(x, 2 * *x % q.max(1))).map(|_| *x));
-    (0..q.max(1))
-        // The smallest of its rotations, and none of them equal to it (least period n).
-        .filter(|p| rotations(*p).all(|x| x > *p))
-        .filter_map(|p| Point::new(p, q))
-        .collect()
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// Number of orbits of least period n of a map with 2ⁿ fixed points of its n-th iterate on the
-    /// circle less one (0 and 1 are the same point): Möbius inversion of 2ⁿ − 1.
-    fn orbits(n: u32) -> u64 {
-        let moebius = |of: u32| {
-            let (mut m, mut sign) = (of, 1i64);
-            for p in 2..=of {
-                if m.is_multiple_of(p) {
-                    m /= p;
-                    sign = -sign;
-                    if m.is_multiple_of(p) {
-                        return 0;
-                    }
-                }
-            }
-            sign
-        };
-        let sum: i64 = (1..=n).filter(|d| n.is_multiple_of(*d)).map(|d| moebius(n / d) * ((1i64 << d) - 1)).sum();
-        (sum / i64::from(n)) as u64
-    }
-
-    #[test]
-    fn periodic_orbits_are_all_found_and_truly_periodic() {
-        for n in 1..=16 {
-            let found = periodic_orbits(n);
-            assert_eq!(found.len() as u64, orbits(n), "period {n}");
-            assert!(found.iter().all(|x| x.period(64) == Some(n)));
-        }
-        let three: Vec<f64> = periodic_orbits(3).iter().map(|x| x.value()).collect();
-        assert_eq!(three, [1.0 / 7.0, 3.0 / 7.0]);
-        assert!(periodic_orbits(0).is_empty() && periodic_orbits(25).is_empty());
-    }
 
     #[test]
     fn every_orbit_lies_near_a_periodic_one_by_4_4() {
@@ -137,7 +76,7 @@ mod tests {
                     assert!(xk.within(y[k as usize], n - k), "{p}/{q}, n {n}, k {k}");
                     xk = xk.shifted();
                 }
-                assert!(y[n as usize].equals(y[0]), "periodic");
+                assert_eq!(y[n as usize], y[0], "periodic");
                 assert!(x.within(y[0], n));
             }
         }

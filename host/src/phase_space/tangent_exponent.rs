@@ -290,47 +290,22 @@ fn solve(l: &[[f64; MOST]; MOST], b: &mut [f64; MOST], n: usize) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::test_series::{henon, lorenz};
     use super::*;
 
     #[test]
     fn henon_0_419_a_step() {
-        let mut state = (0.1f64, 0.1f64);
-        let x: Vec<f64> = (0..4000)
-            .map(|_| {
-                state = (1.0 - 1.4 * state.0 * state.0 + state.1, 0.3 * state.0);
-                state.0
-            })
-            .collect();
+        let x = henon(4000);
         let o = Observable::number(&[&x[100..]], 0.0, 0);
         let s = Settings { step: 1, delays: 2, neighbours: 16, theiler: 5, keep: None, steps: 4000, vectors: 10_000 };
         let found = tangent_exponent(&[&o], None, &s).unwrap();
         assert!((found.exponent - 0.419).abs() < 0.012 && found.std_error < 0.02, "{found:?}");
     }
 
-    /// Lorenz's three coordinates at 0.01.
-    fn lorenz() -> [Vec<f64>; 3] {
-        let rates = |x: [f64; 3]| [10.0 * (x[1] - x[0]), x[0] * (28.0 - x[2]) - x[1], x[0] * x[1] - 8.0 / 3.0 * x[2]];
-        let dt = 0.01;
-        let mut x = [1.0, 1.0, 20.0];
-        let mut series = [Vec::new(), Vec::new(), Vec::new()];
-        for n in 0..32_000 {
-            if n > 2000 {
-                (0..3).for_each(|i| series[i].push(x[i]));
-            }
-            let at = |k: [f64; 3], f: f64| -> [f64; 3] { std::array::from_fn(|i| x[i] + f * dt * k[i]) };
-            let k1 = rates(x);
-            let k2 = rates(at(k1, 0.5));
-            let k3 = rates(at(k2, 0.5));
-            let k4 = rates(at(k3, 1.0));
-            x = std::array::from_fn(|i| x[i] + dt / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
-        }
-        series
-    }
-
     #[test]
     fn lorenz_0_906_a_second() {
-        let [x, ..] = lorenz();
-        let o = Observable::number(&[&x], 0.0, 0);
+        let [x, ..] = lorenz(30_000, 1);
+        let o = Observable::number(&[&x[1..]], 0.0, 0);
         let s =
             Settings { step: 10, delays: 3, neighbours: 24, theiler: 100, keep: None, steps: 3000, vectors: 30_000 };
         let found = tangent_exponent(&[&o], None, &s).unwrap();
@@ -340,8 +315,8 @@ mod tests {
 
     #[test]
     fn more_coordinates_than_the_attractor_has_dimensions_do_not_raise_the_exponent() {
-        let [x, y, z] = lorenz();
-        let [x, y, z] = [&x, &y, &z].map(|s| Observable::number(&[s], 0.0, 0));
+        let [x, y, z] = lorenz(30_000, 1);
+        let [x, y, z] = [&x[1..], &y[1..], &z[1..]].map(|s| Observable::number(&[s], 0.0, 0));
         for (o, delays) in [(vec![&x, &z], 2), (vec![&x, &y, &z], 2), (vec![&x, &y, &z], 1)] {
             let of = |keep: Option<usize>| {
                 let unknowns = delays * o.len() + 1;

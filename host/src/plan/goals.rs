@@ -7,9 +7,6 @@ use serde::{Deserialize, Serialize};
 use crate::error::{BadInput, Result};
 use crate::files;
 
-/// Standard errors in half of a 95 % interval.
-pub const TO_95: f64 = 1.96;
-
 /// A parameter's wanted interval.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Precise {

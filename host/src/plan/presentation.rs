@@ -2,10 +2,10 @@
 
 use std::fmt::Write as _;
 
-use super::goals::TO_95;
 use super::{APART, Plan, Proposal, Separated, Setting};
 use crate::identify::Parameter;
 use crate::report::format::significant;
+use crate::statistics::Z95;
 
 /// Length below which times are not told, s.
 const SIMULATED_S: f64 = 20.0;
@@ -130,11 +130,11 @@ fn proposal(out: &mut String, p: &Proposal, tell: &[String]) {
     }
     let _ = writeln!(out, "  {:<28} {:>13} {:>12} (95 %)", "parameter", "value", "±");
     for (q, [low, high]) in p.parameters.iter().zip(&p.std_errors) {
-        let error = significant(TO_95 * q.std_error, 3);
+        let error = significant(Z95 * q.std_error, 3);
         let _ = write!(out, "  {:<28} {:>13} {error:>12}", q.name, significant(q.value, 6));
         // One record alone says nothing of others.
         if p.draws > 1 && high.is_finite() {
-            let _ = write!(out, " ({} to {})", significant(TO_95 * low, 3), significant(TO_95 * high, 3));
+            let _ = write!(out, " ({} to {})", significant(Z95 * low, 3), significant(Z95 * high, 3));
         }
         let _ = writeln!(out, " {}", q.unit);
     }

@@ -6,7 +6,6 @@ mod grid;
 use std::collections::{BTreeMap, BTreeSet};
 
 use self::grid::amplitude_m;
-use super::goals::TO_95;
 use super::moved::{self, Own};
 use super::rate::Rate;
 use super::trial::{self, Made};
@@ -18,6 +17,7 @@ use crate::identify::{Parameter, prepare};
 use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
 use crate::rig::Rig;
+use crate::statistics::Z95;
 use crate::system::library::Pendulum;
 
 /// Length of the records that are looked at: driven, in periods, so that windows can grow to their
@@ -314,7 +314,7 @@ impl<'a> Task<'a> {
         }
         for p in &goals.precise {
             let value = all.first().and_then(|e| e.parameters.iter().find(|q| q.name == p.name)).map(|q| q.value);
-            let wanted = value.map(|v| (TO_95 / (p.share * v)).powi(2));
+            let wanted = value.map(|v| (Z95 / (p.share * v)).powi(2));
             let longer = Self::on_parameter(&p.name, all).zip(wanted).map(|(r, w)| r.longer(w));
             let goal = format!("{} to ± {} % (95 %)", p.name, 100.0 * p.share);
             out.push(Reached { goal, seconds: longer.and_then(in_time), draws: all.len() });

@@ -17,7 +17,7 @@ use crate::model::identified::IdentifiedModel;
 use crate::motion::from_record::Begin;
 use crate::motion::{Motion, simulation};
 use crate::phase_space::model_exponent::of_model;
-use crate::record::{Column, Losses, Record, Segment};
+use crate::record::{Column, Record, Segment};
 
 /// Time that a motion is given to come to its attractor, in periods of the drive (by hand).
 pub const SETTLE_PERIODS: f64 = 60.0;
@@ -84,7 +84,7 @@ pub fn drawn(own: &Own, seed: u64, draw: usize) -> IdentifiedModel {
 /// ones.
 pub fn start(motion: &Motion, seed: u64, draw: usize) -> Vec<f64> {
     let mut rng = ChaCha8Rng::seed_from_u64(seed.wrapping_add(7919 * draw as u64));
-    let circle = motion.circle();
+    let circle = motion.file.circle();
     let mut one = |circle: &bool| match (circle, draw % 2) {
         (true, 0) => NEAR_REST * gauss(&mut rng),
         (true, _) => rng.random_range(-core::f64::consts::PI..core::f64::consts::PI),
@@ -127,7 +127,7 @@ pub fn share(own: &Own, seed: u64, draws: usize) -> Result<Option<Share>> {
         let n = equations.degrees_of_freedom();
         let Some(found) = of_model(&flow, &equations, &mut state, settle_s, period_s, 20, PERIODS) else { continue };
         let turned = |k: usize| (state[k] - before[k]).abs() > core::f64::consts::TAU;
-        whirling += usize::from((0..n).zip(motion.circle()).any(|(k, circle)| circle && turned(k)));
+        whirling += usize::from((0..n).zip(motion.file.circle()).any(|(k, circle)| circle && turned(k)));
         chaotic += usize::from(found.per_interval > LEAST.max(SIGNIFICANT * found.std_error));
         sum += found.per_interval;
         counted += 1;
@@ -165,7 +165,9 @@ pub fn record(own: &Own, made: &Made<'_>) -> Result<Record> {
     let (seed, draw) = made.seed;
     let motion = Motion::of(&drawn(own, seed, draw), &own.rig.path, Some(&own.rig), 0.0)?;
     let state = match made.pose {
-        Some(pose) => pose.iter().copied().chain(core::iter::repeat(0.0)).take(2 * motion.circle().len()).collect(),
+        Some(pose) => {
+            pose.iter().copied().chain(core::iter::repeat(0.0)).take(2 * motion.file.circle().len()).collect()
+        }
         None => start(&motion, seed, draw),
     };
     let step_s = 1.0 / own.rig.sample_rate_hz;
@@ -184,26 +186,8 @@ pub fn record(own: &Own, made: &Made<'_>) -> Result<Record> {
         }
     };
     let columns: Vec<Column> = columns.into_iter().enumerate().map(cut).collect();
-    let segment = Segment {
-        first_tick: first as i64,
-        boot: 0,
-        start_s: first as f64 * step_s,
-        step_s,
-        jitter_s: 0.0,
-        columns,
-        phase: None,
-        amplitude_nm: None,
-    };
-    Ok(Record {
-        path: "(planned)".into(),
-        sample_rate_hz: own.rig.sample_rate_hz,
-        channels: own.rig.channel.clone(),
-        losses: Losses { received: (count - first) as u64, ..Losses::default() },
-        segments: vec![segment],
-        warnings: Vec::new(),
-        metadata: None,
-        numbering: None,
-    })
+    let segment = Segment { first_tick: first as i64, ..Segment::new(first as f64 * step_s, step_s, columns) };
+    Ok(Record::of("(planned)", &own.rig, vec![segment]))
 }
 
 #[cfg(test)]

@@ -10,12 +10,10 @@ use super::goals::{Precise, Tell};
 use super::moved::rig_at;
 use crate::error::{BadInput, Result};
 use crate::files;
-use crate::rig::Rig;
+use crate::rig::{LONGEST_S, Rig};
 
 /// Most runs of a file (by hand).
 const MOST_RUNS: usize = 100;
-/// Longest run, s (a day).
-const LONGEST_S: f64 = 86_400.0;
 
 /// One record of a plan.
 #[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]

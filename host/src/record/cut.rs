@@ -1,6 +1,6 @@
 //! A part of a record, by its own time t: from ≤ t < to.
 
-use super::{Column, Losses, Record, Segment};
+use super::{Losses, Record, Segment};
 use crate::error::{BadInput, Result};
 
 /// Which part of a record is used, s; all of it without bounds.
@@ -86,48 +86,28 @@ fn of_segment(s: &Segment, part: &Part) -> Option<Segment> {
         None => without,
     };
     let rows = before(part.from_s, 0)..before(part.to_s, s.len());
-    if rows.is_empty() {
-        return None;
-    }
-    let of = |words: &Option<Vec<u32>>| words.as_ref().map(|w| w[rows.clone()].to_vec());
-    let columns = s.columns.iter().map(|column| match column {
-        Column::Counts(c) => Column::Counts(c[rows.clone()].to_vec()),
-        Column::Values(v) => Column::Values(v[rows.clone()].to_vec()),
-    });
-    Some(Segment {
-        first_tick: s.first_tick.saturating_add(rows.start as i64),
-        start_s: s.time(rows.start),
-        columns: columns.collect(),
-        phase: of(&s.phase),
-        amplitude_nm: of(&s.amplitude_nm),
-        ..s.clone()
-    })
+    (!rows.is_empty()).then(|| s.rows(rows))
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::Column;
     use super::*;
 
     fn record() -> Record {
-        let segment = |first_tick: i64, n: i32, boot: u32| Segment {
-            first_tick,
-            boot,
-            start_s: first_tick as f64 * 0.002,
-            step_s: 0.002,
-            jitter_s: 0.0,
-            columns: vec![Column::Counts((0..n).collect()), Column::Values(vec![0.5; n as usize])],
-            phase: Some((0..n as u32).collect()),
-            amplitude_nm: Some((0..n as u32).map(|i| 7 * i).collect()),
+        let segment = |first_tick: i64, n: i32, boot: u32| {
+            let columns = vec![Column::Counts((0..n).collect()), Column::Values(vec![0.5; n as usize])];
+            let phase = Some((0..n as u32).collect());
+            let amplitude_nm = Some((0..n as u32).map(|i| 7 * i).collect());
+            let start_s = first_tick as f64 * 0.002;
+            Segment { first_tick, boot, phase, amplitude_nm, ..Segment::new(start_s, 0.002, columns) }
         };
         Record {
             path: "r.csv".into(),
             sample_rate_hz: 500.0,
-            channels: Vec::new(),
             segments: vec![segment(500, 500, 0), segment(1100, 400, 1)],
             losses: Losses { received: 900, overruns: 100, ..Losses::default() },
-            warnings: Vec::new(),
-            metadata: None,
-            numbering: None,
+            ..Record::default()
         }
     }
 

@@ -50,6 +50,7 @@ mod unwrap;
 pub mod values;
 pub mod writer;
 
+use core::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -67,7 +68,7 @@ use crate::suspects::Numbering;
 use crate::warning::Warning;
 
 /// A measured record.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Record {
     /// File it was read from.
     pub path: PathBuf,
@@ -147,6 +148,11 @@ impl Column {
 }
 
 impl Segment {
+    /// Columns of equal length, of which nothing else was recorded.
+    pub fn new(start_s: f64, step_s: f64, columns: Vec<Column>) -> Self {
+        Self { first_tick: 0, boot: 0, start_s, step_s, jitter_s: 0.0, columns, phase: None, amplitude_nm: None }
+    }
+
     /// Number of samples.
     pub fn len(&self) -> usize {
         self.columns.first().map_or(0, Column::len)
@@ -160,6 +166,28 @@ impl Segment {
     /// Samples · step, s.
     pub fn duration_s(&self) -> f64 {
         self.len() as f64 * self.step_s
+    }
+
+    /// The samples of these rows.
+    ///
+    /// # Panics
+    /// Rows that are not the segment's.
+    pub fn rows(&self, rows: Range<usize>) -> Self {
+        let words = |of: &Option<Vec<u32>>| of.as_ref().map(|w| w[rows.clone()].to_vec());
+        let columns = self.columns.iter().map(|column| match column {
+            Column::Counts(c) => Column::Counts(c[rows.clone()].to_vec()),
+            Column::Values(v) => Column::Values(v[rows.clone()].to_vec()),
+        });
+        Self {
+            first_tick: self.first_tick.saturating_add(rows.start as i64),
+            boot: self.boot,
+            start_s: self.time(rows.start),
+            step_s: self.step_s,
+            jitter_s: self.jitter_s,
+            columns: columns.collect(),
+            phase: words(&self.phase),
+            amplitude_nm: words(&self.amplitude_nm),
+        }
     }
 
     /// Time of sample i, s.
@@ -289,6 +317,19 @@ impl Metadata {
 }
 
 impl Record {
+    /// Segments of all of a rig's channels, at its rate and without a loss.
+    pub fn of(path: impl Into<PathBuf>, rig: &Rig, segments: Vec<Segment>) -> Self {
+        let received = segments.iter().map(|s| s.len() as u64).sum();
+        Self {
+            path: path.into(),
+            sample_rate_hz: rig.sample_rate_hz,
+            channels: rig.channel.clone(),
+            segments,
+            losses: Losses { received, ..Losses::default() },
+            ..Self::default()
+        }
+    }
+
     /// Reads a record in any of [`formats::FORMATS`], told apart by content and extension.
     ///
     /// # Errors

@@ -354,7 +354,7 @@ mod tests {
         let dir = tempfile::tempdir().unwrap();
         let path = written(&dir);
         let sealed = std::fs::read_to_string(&path).unwrap();
-        // As it was before lines had checksums.
+        // Without checksums, so that what is wrong shows in the lines themselves.
         let whole: String = sealed.lines().map(|l| unsealed(l, true, true).unwrap() + "\n").collect();
         let lines: Vec<&str> = whole.lines().collect();
         let read = |text: &str, recover: bool| {

@@ -138,16 +138,7 @@ mod tests {
     use super::*;
 
     fn channel(unit: &str, n: Option<u32>) -> Channel {
-        Channel {
-            name: "c".into(),
-            measures: "theta1".into(),
-            unit: unit.into(),
-            counts_per_turn: n,
-            gain: None,
-            offset: None,
-            index_at: None,
-            stuck: None,
-        }
+        Channel { counts_per_turn: n, ..Channel::new("c", unit) }
     }
 
     #[test]

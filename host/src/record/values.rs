@@ -18,10 +18,20 @@ use parquet::schema::types::Type;
 use super::Column;
 use super::csv_write::{create_file, text_cell};
 use crate::error::{BadInput, Result};
-use crate::rig::{Rig, computed};
+use crate::rig::{Channel, Rig, computed};
 
 /// Rows of a Parquet row group.
 const GROUP: usize = 1 << 16;
+
+/// The column that a channel has of values in its unit, which a counter rounds down; none where
+/// they leave its 32 bits.
+pub fn column(channel: &Channel, values: impl Iterator<Item = f64>) -> Option<Column> {
+    if channel.unit != "count" {
+        return Some(Column::Values(values.collect()));
+    }
+    let count = |x: f64| Some(x.floor()).filter(|x| x.abs() < f64::from(i32::MAX)).map(|x| x as i32);
+    values.map(count).collect::<Option<Vec<i32>>>().map(Column::Counts)
+}
 
 /// Writes columns of equal length sampled at the rig's rate from t = 0 on.
 ///

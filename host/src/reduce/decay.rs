@@ -17,7 +17,7 @@
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use super::release_fit::ReleaseFit;
+use super::release_fit::{ReleaseFit, in_phase};
 
 /// Periods in a window.
 const PERIODS: f64 = 6.0;
@@ -121,15 +121,7 @@ fn window(channels: &[&[f64]], step: f64, start: f64, major: &[f64]) -> Option<R
         cosine.push(row(row_of(k, 0)));
         sine.push(row(row_of(k, DEGREE + 1)));
     }
-    let lag = dot(&sine[1]).atan2(dot(&cosine[1]));
-    for k in 1..=harmonics {
-        let (s, c) = (k as f64 * lag).sin_cos();
-        for j in 0..n {
-            let (a, b) = (cosine[k][j], sine[k][j]);
-            (cosine[k][j], sine[k][j]) = (a * c + b * s, b * c - a * s);
-        }
-    }
-    let motion: f64 = cosine.iter().chain(&sine).skip(1).flatten().map(|v| 0.5 * v * v).sum::<f64>().sqrt();
+    let (lag, motion) = in_phase(&mut cosine, &mut sine, major);
     let weight: f64 = root.iter().map(|r| r * r).sum();
     let left: f64 = fitted.left.iter().sum();
     let residual = (left / weight).sqrt() / motion.max(1e-300);

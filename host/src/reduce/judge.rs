@@ -28,7 +28,7 @@ fn left_out(polar: &Polar, nodes: &[Node], system: &dyn Mechanical) -> Option<f6
         .map(|i| {
             let mut rest = nodes.clone();
             let node = rest.remove(i);
-            let linear = normal_mode::linear_mode(system, 0);
+            let linear = normal_mode::linear_mode(system);
             let (model, all) = polar::model_with(&rest, &polar.major, system, linear)?;
             Some((model.corrected_omega(system, &all, node.amplitude)? / node.omega - 1.0).abs())
         })
@@ -97,7 +97,7 @@ fn against_equations(
     energies.sort_by(f64::total_cmp);
     energies.dedup();
     let mut worst: Option<f64> = None;
-    for m in &normal_mode::family(system, 0, &energies) {
+    for m in &normal_mode::family(system, &energies) {
         out.frequency_energy.full.push([m.energy, m.omega / TAU]);
         let a = polar::bisect(|a| system.potential(&made.rest(a)), m.energy, 1.5 * amplitudes.high);
         let Some(omega) = a.and_then(|a| made.omega(a)) else { continue };

@@ -214,7 +214,7 @@ pub(super) fn build(
         reduction.model = Some(match made {
             Made::Polar(mut p, all, system) => {
                 let nodes: Vec<Node> = used.iter().map(|i| Node::of(&entries[*i].fit, &major)).collect();
-                let linear = system.and_then(|s| normal_mode::linear_mode(s, 0));
+                let linear = system.and_then(normal_mode::linear_mode);
                 let (corrected, between) = (!all.is_empty(), all.get(nodes.len()..).unwrap_or(&[]));
                 let how = standard_error::Evaluation { system, masses, linear: linear.as_ref(), corrected, between };
                 let errors = standard_error::of(&p, &nodes, how);
@@ -303,7 +303,7 @@ fn compare_with_full(
             system.potential(if fit.residual < releases::PERIODIC { &rest } else { &first })
         })
         .collect();
-    let family = normal_mode::family(system, 0, &energies);
+    let family = normal_mode::family(system, &energies);
     let mut out = vec![None; described.len()];
     for (i, e) in energies.iter().enumerate() {
         let Some(member) = family.iter().find(|m| (m.energy / e - 1.0).abs() < 1e-12) else { continue };
@@ -355,7 +355,7 @@ fn make<'a>(constraint: Constraint, evidence: &Evidence<'a>) -> Option<Made<'a>>
     let fits: Vec<&ReleaseFit> = used.iter().map(|i| &entries[*i].fit).collect();
     if constraint == Constraint::Polar {
         let nodes: Vec<Node> = fits.iter().map(|f| Node::of(f, major)).collect();
-        let linear = system.and_then(|s| normal_mode::linear_mode(s, 0));
+        let linear = system.and_then(normal_mode::linear_mode);
         let decays = entries.iter().any(|e| e.decaying);
         // Nodes of decays scatter, and leave no gaps: then the variational frequency stands alone.
         return match system {

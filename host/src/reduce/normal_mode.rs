@@ -28,9 +28,9 @@ pub struct Member {
     pub rest: Vec<f64>,
 }
 
-/// A mode of the linearised system: angular frequency, shape normalised to xᵀM(0)x = 1, largest
-/// entry positive.
-pub fn linear_mode(system: &dyn Mechanical, index: usize) -> Option<(f64, Vec<f64>)> {
+/// The slowest mode of the linearised system: angular frequency, shape normalised to xᵀM(0)x = 1,
+/// largest entry positive.
+pub fn linear_mode(system: &dyn Mechanical) -> Option<(f64, Vec<f64>)> {
     let n = system.size();
     let m = DMatrix::from_row_slice(n, n, &system.mass(&vec![0.0; n]));
     let h = 1e-4;
@@ -44,9 +44,7 @@ pub fn linear_mode(system: &dyn Mechanical, index: usize) -> Option<(f64, Vec<f6
     let l = m.cholesky()?.l();
     let inverse = l.clone().try_inverse()?;
     let eigen = (&inverse * k * inverse.transpose()).symmetric_eigen();
-    let mut order: Vec<usize> = (0..n).collect();
-    order.sort_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]));
-    let which = *order.get(index)?;
+    let which = (0..n).min_by(|a, b| eigen.eigenvalues[*a].total_cmp(&eigen.eigenvalues[*b]))?;
     let mut shape: Vec<f64> = (inverse.transpose() * eigen.eigenvectors.column(which)).iter().copied().collect();
     let largest = shape.iter().copied().fold(0.0_f64, |l, x| if x.abs() > l.abs() * (1.0 + 1e-9) { x } else { l });
     if largest < 0.0 {
@@ -125,17 +123,17 @@ const LEAST_STRIDE: f64 = 0.02;
 /// Greatest distance from the secant, relative to the shape, for a step of 1 in ln E.
 const TURN: f64 = 0.1;
 
-/// The family that starts at the linear mode `index`, at the energies given (each above 0; answered
+/// The family that starts at the slowest linear mode, at the energies given (each above 0; answered
 /// in rising order).
 ///
 /// Where the frequency meets a fraction of a higher mode's, the branch turns off into an internal
 /// resonance (a motion of both modes, up which the energy rises too). There the family goes on
 /// beyond it, at the first energy at which the extrapolated shape leads to a periodic motion near
 /// it; energies in between have no member. It ends where none is found.
-pub fn family(system: &dyn Mechanical, index: usize, energies: &[f64]) -> Vec<Member> {
+pub fn family(system: &dyn Mechanical, energies: &[f64]) -> Vec<Member> {
     let mut wanted: Vec<f64> = energies.iter().copied().filter(|e| *e > 0.0 && e.is_finite()).collect();
     wanted.sort_by(f64::total_cmp);
-    let Some((omega, shape)) = linear_mode(system, index) else { return Vec::new() };
+    let Some((omega, shape)) = linear_mode(system) else { return Vec::new() };
     let mut out = Vec::new();
     let Some(&least) = wanted.first() else { return out };
     // A start so small that the motion is linear: V = ½ω² a².
@@ -250,8 +248,8 @@ mod tests {
     fn the_mass_pendulum_hardens_as_known() {
         let system = by_id("mass-pendulum").unwrap();
         let energies: Vec<f64> = [[0.125, 0.385], [0.575, 1.892]].iter().map(|x| system.potential(x)).collect();
-        let family = family(&*system, 0, &energies);
-        assert!((linear_mode(&*system, 0).unwrap().0 - 13.7237).abs() < 1e-4);
+        let family = family(&*system, &energies);
+        assert!((linear_mode(&*system).unwrap().0 - 13.7237).abs() < 1e-4);
         assert!((family[0].omega - 13.7284).abs() < 1e-4 && (family[1].omega - 14.2423).abs() < 1e-4, "{family:?}");
         assert!((multipliers(&*system, &family[0]).unwrap()[0] - 1.0).abs() < 1e-2);
     }
@@ -267,7 +265,7 @@ mod tests {
             (2.09678, 2.91, 1.168781),
             (4.24112, 3.86, 1.277112),
         ];
-        let members = family(&*system, 0, &known.map(|k| k.0));
+        let members = family(&*system, &known.map(|k| k.0));
         assert_eq!(members.len(), 4);
         for (m, (_, amplitude, omega)) in members.iter().zip(known) {
             assert!((m.omega / omega - 1.0).abs() < 1e-5, "{amplitude}: {} {omega}", m.omega);

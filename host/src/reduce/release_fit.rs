@@ -14,7 +14,7 @@ use nalgebra::{DMatrix, DVector};
 use std::f64::consts::TAU;
 
 /// Highest harmonic looked for.
-pub const MOST_HARMONICS: usize = 15;
+const MOST_HARMONICS: usize = 15;
 /// Most samples in a release: a fit holds some thirty numbers for each.
 pub const MOST_SAMPLES: usize = 1 << 18;
 /// Least number of periods in a record for a fit.
@@ -244,16 +244,7 @@ pub fn fit(channels: &[&[f64]], step: f64, major: &[f64]) -> Option<ReleaseFit> 
         cosine.push(coefficients.row(2 * k - 1).iter().copied().collect());
         sine.push(coefficients.row(2 * k).iter().copied().collect());
     }
-    let dot = |v: &[f64]| -> f64 { v.iter().zip(major).map(|(a, b)| a * b).sum() };
-    let lag = dot(&sine[1]).atan2(dot(&cosine[1]));
-    for k in 1..=harmonics {
-        let (s, c) = (k as f64 * lag).sin_cos();
-        for j in 0..n {
-            let (a, b) = (cosine[k][j], sine[k][j]);
-            (cosine[k][j], sine[k][j]) = (a * c + b * s, b * c - a * s);
-        }
-    }
-    let motion: f64 = cosine.iter().chain(&sine).skip(1).flatten().map(|v| 0.5 * v * v).sum::<f64>().sqrt();
+    let (lag, motion) = in_phase(&mut cosine, &mut sine, major);
     let rms = (sum / m as f64).sqrt();
     // A residual that stays correlated over a period carries one independent number a period and
     // channel.
@@ -280,6 +271,22 @@ pub fn fit(channels: &[&[f64]], step: f64, major: &[f64]) -> Option<ReleaseFit> 
         spread,
         middle: 0.5 * (m - 1) as f64 * step,
     })
+}
+
+/// Turns harmonics (their mean first) so that the first along `major` is a cosine; the angle by
+/// which they lagged, and the motion's rms.
+pub(super) fn in_phase(cosine: &mut [Vec<f64>], sine: &mut [Vec<f64>], major: &[f64]) -> (f64, f64) {
+    let dot = |v: &[f64]| -> f64 { v.iter().zip(major).map(|(a, b)| a * b).sum() };
+    let lag = dot(&sine[1]).atan2(dot(&cosine[1]));
+    for (k, (cosine, sine)) in cosine.iter_mut().zip(sine.iter_mut()).enumerate().skip(1) {
+        let (s, c) = (k as f64 * lag).sin_cos();
+        for (x, y) in cosine.iter_mut().zip(sine) {
+            let (a, b) = (*x, *y);
+            (*x, *y) = (a * c + b * s, b * c - a * s);
+        }
+    }
+    let motion = cosine.iter().chain(&*sine).skip(1).flatten().map(|v| 0.5 * v * v).sum::<f64>().sqrt();
+    (lag, motion)
 }
 
 /// How many samples carry one independent number: 1 + 2 Σ ρ_k over one period, at least 1.

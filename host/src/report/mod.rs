@@ -162,7 +162,7 @@ impl Report {
     pub fn write(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         let text = self.render()?;
-        crate::cli::output::write_file(path, text.as_bytes())
+        crate::files::write_file(path, text.as_bytes())
     }
 }
 

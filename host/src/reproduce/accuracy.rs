@@ -50,7 +50,7 @@ fn push(rows: &mut Vec<Row>, case: &str, names: &[&str], published: &[f64], erro
 /// The single pendulum: c_r, f, 1/r².
 fn single(seeds: u64, noise: f64) -> Result<Errors> {
     over_seeds(seeds, |seed| {
-        let data = single_with(30_000, noise, seed)?;
+        let data = single_with(noise, seed)?;
         let of = |found: Identification| ["c_r", "p_cos", "q_sin"].map(|n| error(&found, &data, n)).to_vec();
         Ok((of(data.weak()?), of(data.balance(&Settings::frequency(60))?)))
     })

@@ -152,8 +152,8 @@ fn section(x: &[f64], period: usize) -> (Vec<f64>, Vec<f64>) {
 }
 
 /// A panel of a section.
-pub(super) fn section_panel(title: &str, x: &[f64], period: usize) -> Panel {
-    let (a, b) = section(x, period);
+pub(super) fn section_panel(title: &str, x: &[f64]) -> Panel {
+    let (a, b) = section(x, SINGLE_PERIOD);
     let mut p = Panel::new(title, Axis::angle("θ / rad"), Axis::linear("θ′"));
     p.series.push(Series::new("", Shape::Dots, a, b));
     p
@@ -180,7 +180,7 @@ fn figure_2_2() -> Result<Reproduction> {
             "f 1.52, c_r 0.036, 1/r² 1.44: the one consistent reading of the two values of friction that are printed."
                 .into(),
         ],
-        panels: (vec![plane, section_panel("(b) Poincaré section, τ = 0", x, SINGLE_PERIOD)], 2, 320.0),
+        panels: (vec![plane, section_panel("(b) Poincaré section, τ = 0", x)], 2, 320.0),
     })
 }
 
@@ -344,9 +344,9 @@ fn figure_2_8() -> Result<Reproduction> {
         ],
         panels: (
             vec![
-                section_panel("(a) interpolation basis", &a, SINGLE_PERIOD),
-                section_panel("(b) harmonic basis", &b, SINGLE_PERIOD),
-                section_panel("original", truth, SINGLE_PERIOD),
+                section_panel("(a) interpolation basis", &a),
+                section_panel("(b) harmonic basis", &b),
+                section_panel("original", truth),
             ],
             3,
             260.0,

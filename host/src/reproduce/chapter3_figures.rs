@@ -108,7 +108,7 @@ fn figure_3_3() -> Result<Reproduction> {
         "phase portraits of the record, dt = 24",
         vec![Row::new("arm 1 beyond 90°", "% of the time", None, Some(100.0 * whirling), None)],
         &["As in the seed, arm 1 swings little with rare large turns, arm 2 mostly whirls."],
-        (views(&a[..n], &b[..n], DELAY), 3, 240.0),
+        (views(&a[..n], &b[..n]), 3, 240.0),
     ))
 }
 
@@ -129,7 +129,7 @@ fn orbit(id: &str, period: usize, index: usize) -> Result<Reproduction> {
             Row::new("turns of arm 2", "", None, Some(turned(1)), None),
         ],
         &["Of the orbits of this period found here, one that closes best."],
-        (views(&closed(&a), &closed(&b), DELAY), 3, 240.0),
+        (views(&closed(&a), &closed(&b)), 3, 240.0),
     ))
 }
 
@@ -144,14 +144,14 @@ fn figure_3_10() -> Result<Reproduction> {
         "phase portraits of the simulated system of Table 3.9, dt = 24",
         vec![Row::new("arm 1 beyond 90°", "% of the time", None, Some(100.0 * whirling), None)],
         &["The caption's C11 = 0.0366 is C12 = 0.00366. C11 is 0 here, as in Table 3.9."],
-        (views(&data.exact[0][..n], &theta2[..n], DELAY), 3, 240.0),
+        (views(&data.exact[0][..n], &theta2[..n]), 3, 240.0),
     ))
 }
 
 /// The orbit of period 9 of figure 3.5.
-fn nine(tolerance: f64, index: usize) -> Result<Orbit> {
-    let all = found_orbits(tolerance)?;
-    orbit_of(&all, 9, index).cloned()
+fn nine() -> Result<Orbit> {
+    let all = found_orbits(0.05)?;
+    orbit_of(&all, 9, 0).cloned()
 }
 
 fn spectrum(x: &[f64], most: usize) -> (Vec<f64>, Vec<f64>) {
@@ -160,7 +160,7 @@ fn spectrum(x: &[f64], most: usize) -> (Vec<f64>, Vec<f64>) {
 }
 
 fn figure_3_11() -> Result<Reproduction> {
-    let o = nine(0.05, 0)?;
+    let o = nine()?;
     let without = along(&o, false, Differentiation::Fourier);
     let with = along(&o, true, Differentiation::Fourier);
     let mut panels = Vec::new();
@@ -191,7 +191,7 @@ fn figure_3_11() -> Result<Reproduction> {
 }
 
 fn figure_3_12() -> Result<Reproduction> {
-    let o = nine(0.05, 0)?;
+    let o = nine()?;
     let without = along(&o, false, Differentiation::Fourier);
     let with = along(&o, true, Differentiation::Fourier);
     let [v0, _, y0] = without;

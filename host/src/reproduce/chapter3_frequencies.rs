@@ -11,19 +11,22 @@ use super::chapter3::{optimised, table, value, weak};
 use super::{Reproduction, Row, data};
 use crate::error::{BadInput, Result};
 
+/// Frequency of the drive, Hz.
+const DRIVE_HZ: f64 = 5.0;
+
 /// Natural frequencies (3.34), Hz.
-pub(super) fn natural_frequencies(b: [f64; 4], drive_hz: f64) -> Option<[f64; 2]> {
+pub(super) fn natural_frequencies(b: [f64; 4]) -> Option<[f64; 2]> {
     let [b11, b12, b21, b22] = b;
     // det [[b12 − λ, −b11 λ], [−b21 λ, b22 − λ]] = 0.
     let (p, q, r) = (1.0 - b11 * b21, -(b12 + b22), b12 * b22);
     let root = (q * q - 4.0 * p * r).sqrt();
-    let of = |lambda: f64| lambda.sqrt() * drive_hz;
+    let of = |lambda: f64| lambda.sqrt() * DRIVE_HZ;
     let f = [of((-q - root) / (2.0 * p)), of((-q + root) / (2.0 * p))];
     f.iter().all(|f| f.is_finite()).then_some(f)
 }
 
 fn frequencies_of(get: impl Fn(&str) -> Option<f64>) -> Option<[f64; 2]> {
-    natural_frequencies([get("B11")?, get("B12")?, get("B21")?, get("B22")?], 5.0)
+    natural_frequencies([get("B11")?, get("B12")?, get("B21")?, get("B22")?])
 }
 
 /// The two strongest lines of a small free vibration of the plant, Hz, by a Hann-windowed spectrum
@@ -84,7 +87,7 @@ pub(super) fn table_3_10() -> Result<Reproduction> {
             Some(free[i]),
             truth.map(|f| f[i]),
         ));
-        let recomputed = natural_frequencies([0.1167, 0.0781, 1.6149, 0.2562], 5.0).map(|f| f[i]);
+        let recomputed = natural_frequencies([0.1167, 0.0781, 1.6149, 0.2562]).map(|f| f[i]);
         rows.push(Row::new(format!("{name}, from Table 3.3 as printed"), "Hz", Some(identified), recomputed, None));
         rows.push(Row::new(
             format!("{name}, printed as true"),
@@ -111,10 +114,10 @@ mod tests {
 
     #[test]
     fn natural_frequencies_of_the_printed_table() {
-        let f = natural_frequencies([0.1167, 0.0781, 1.6149, 0.2562], 5.0).unwrap();
+        let f = natural_frequencies([0.1167, 0.0781, 1.6149, 0.2562]).unwrap();
         assert!((f[0] - 1.348).abs() < 1e-3 && (f[1] - 2.912).abs() < 1e-3, "{f:?}");
         // Uncoupled, they are those of the two arms.
-        let f = natural_frequencies([0.0, 0.04, 0.0, 0.25], 5.0).unwrap();
+        let f = natural_frequencies([0.0, 0.04, 0.0, 0.25]).unwrap();
         assert!((f[0] - 1.0).abs() < 1e-12 && (f[1] - 2.5).abs() < 1e-12);
     }
 

@@ -6,7 +6,7 @@ use super::chapter2::{
     deviation, functions, identified_motion, section_panel, spread, true_function, weak as weak_single,
 };
 use super::chapter3;
-use super::data::{self, Data, SINGLE_PERIOD};
+use super::data::{self, Data};
 use super::drawing::{function, residuals};
 use super::{Item, Reproduction, Row};
 use crate::error::Result;
@@ -135,14 +135,7 @@ fn figure_4_3() -> Result<Reproduction> {
         title: "Poincaré sections: original, identified".into(),
         rows: vec![Row::new("rms θ′ at τ = 0", "", None, Some(spread(&x)), Some(spread(&data.exact[0])))],
         notes: Vec::new(),
-        panels: (
-            vec![
-                section_panel("(a) original", &data.exact[0], SINGLE_PERIOD),
-                section_panel("(b) identified", &x, SINGLE_PERIOD),
-            ],
-            2,
-            300.0,
-        ),
+        panels: (vec![section_panel("(a) original", &data.exact[0]), section_panel("(b) identified", &x)], 2, 300.0),
     })
 }
 

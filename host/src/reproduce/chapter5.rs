@@ -74,11 +74,11 @@ fn make(
     let fits: Vec<ReleaseFit> =
         records.iter().map(|r| release_fit::fit(&[&r[0], &r[1]], step, &pod.modes[0])).collect::<Option<_>>()?;
     let energies: Vec<f64> = rest.iter().map(|x| system.potential(x)).collect();
-    let members = normal_mode::family(&*system, 0, &energies);
+    let members = normal_mode::family(&*system, &energies);
     let used: Vec<usize> = (0..fits.len()).filter(|i| Some(*i) != leave_out).collect();
     let nodes: Vec<Node> = used.iter().map(|i| Node::of(&fits[*i], &pod.modes[0])).collect();
-    let polar = polar::model(&nodes, &pod.modes[0], normal_mode::linear_mode(&*system, 0))?;
-    let (known, all) = polar::model_with(&nodes, &pod.modes[0], &*system, normal_mode::linear_mode(&*system, 0))?;
+    let polar = polar::model(&nodes, &pod.modes[0], normal_mode::linear_mode(&*system))?;
+    let (known, all) = polar::model_with(&nodes, &pod.modes[0], &*system, normal_mode::linear_mode(&*system))?;
     (members.len() == 5).then_some(Case {
         system,
         records,
@@ -276,7 +276,7 @@ fn table_5_3() -> Result<Reproduction> {
         let sign = if i == 1 || i == 3 { turned } else { 1.0 };
         rows.push(Row::new(name, "", Some(printed), Some(sign * factor * first(&two, i)), None));
     }
-    let linear = normal_mode::linear_mode(&*case.system, 0);
+    let linear = normal_mode::linear_mode(&*case.system);
     rows.push(Row::new(
         "k_z1 of small motion, same scaling",
         "",

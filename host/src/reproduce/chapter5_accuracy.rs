@@ -82,7 +82,7 @@ fn noisy(case: &Case, noise: f64, seed: u64) -> Option<Models> {
         let channels: Vec<&[f64]> = channels.iter().map(Vec::as_slice).collect();
         nodes.push(Node::of(&release_fit::fit(&channels, case.step, major)?, major));
     }
-    let linear = normal_mode::linear_mode(&*case.system, 0);
+    let linear = normal_mode::linear_mode(&*case.system);
     let known = polar::model_with(&nodes, major, &*case.system, linear.clone())?;
     Some(Models { plain: polar::model(&nodes, major, linear)?, informed: known, nodes })
 }
@@ -92,7 +92,7 @@ fn noisy(case: &Case, noise: f64, seed: u64) -> Option<Models> {
 fn held(case: &Case, models: &Models) -> Option<[[u32; 2]; 2]> {
     let Models { plain, informed: known, nodes } = models;
     let mut count = [[0; 2]; 2];
-    let linear = normal_mode::linear_mode(&*case.system, 0);
+    let linear = normal_mode::linear_mode(&*case.system);
     let blind = Evaluation { system: None, masses: None, linear: linear.as_ref(), corrected: false, between: &[] };
     let informed =
         Evaluation { system: Some(&*case.system), corrected: true, between: &known.1[nodes.len()..], ..blind };
@@ -130,7 +130,7 @@ fn left_out(
         .map(|out| {
             let mut rest = nodes.to_vec();
             rest.remove(out);
-            let linear = normal_mode::linear_mode(system, 0);
+            let linear = normal_mode::linear_mode(system);
             let blind = polar::model(&rest, major, linear.clone())?;
             let (known, all) = polar::model_with(&rest, major, system, linear)?;
             let at = &members[out..=out];
@@ -190,7 +190,7 @@ fn accuracy() -> Result<Reproduction> {
         small(name, case, &mut rows)?;
     }
     let case = beam()?;
-    let members = normal_mode::family(&*case.system, 0, &[0.20557, 0.84545, 2.09678, 4.24112]);
+    let members = normal_mode::family(&*case.system, &[0.20557, 0.84545, 2.09678, 4.24112]);
     let of = left_out(&*case.system, &case.nodes, &case.polar.major, &members.iter().collect::<Vec<_>>());
     for (out, blind, known) in of.ok_or_else(|| broken("beam"))? {
         let what = format!("error of frequency at release {}, left out", out + 1);

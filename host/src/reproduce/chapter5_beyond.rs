@@ -80,10 +80,13 @@ fn nodes(records: &[Vec<Vec<f64>>], step: f64, windows: bool) -> Option<(Vec<f64
     Some((major, nodes))
 }
 
-fn large(id: &str, records: &[Vec<Vec<f64>>], step: f64, windows: bool, force: f64) -> Option<Large> {
+/// Step of the records.
+const STEP: f64 = 0.1;
+
+fn large(id: &str, records: &[Vec<Vec<f64>>], windows: bool, force: f64) -> Option<Large> {
     let system = systems::by_id(id)?;
-    let (major, nodes) = nodes(records, step, windows)?;
-    let linear = normal_mode::linear_mode(&*system, 0)?;
+    let (major, nodes) = nodes(records, STEP, windows)?;
+    let linear = normal_mode::linear_mode(&*system)?;
     let polar = polar::model(&nodes, &major, Some(linear.clone()))?;
     let forcing = Forcing { amplitude: force, shape: linear.1.clone(), damping: 0.01 };
     Some(Large { system, polar, nodes, linear, forcing, galerkin: major })
@@ -96,11 +99,11 @@ fn chain() -> Result<Large> {
     let records: Option<Vec<Vec<Vec<f64>>>> = [1.1, 0.8, 0.5, 0.25]
         .iter()
         .map(|a| {
-            let states = record(&plant, plant_chain::Chain::release(*a), 0.1, 1885).ok()?;
+            let states = record(&plant, plant_chain::Chain::release(*a), STEP, 1885).ok()?;
             Some((0..plant_chain::MASSES).map(|c| states.iter().map(|y| y[c]).collect()).collect())
         })
         .collect();
-    records.and_then(|r| large("chain", &r, 0.1, true, 0.055)).ok_or_else(|| broken("chain"))
+    records.and_then(|r| large("chain", &r, true, 0.055)).ok_or_else(|| broken("chain"))
 }
 
 /// Four releases from rest on the nonlinear mode at 1.00, 1.96, 2.91 and 3.86 √(I/A), free of
@@ -108,16 +111,16 @@ fn chain() -> Result<Large> {
 pub(super) fn beam() -> Result<Large> {
     let plant = plant_beam::Beam::default();
     let system = systems::by_id("clamped-beam").ok_or_else(|| broken("beam"))?;
-    let records: Option<Vec<Vec<Vec<f64>>>> = normal_mode::family(&*system, 0, &[0.20557, 0.84545, 2.09678, 4.24112])
+    let records: Option<Vec<Vec<Vec<f64>>>> = normal_mode::family(&*system, &[0.20557, 0.84545, 2.09678, 4.24112])
         .iter()
         .map(|m| {
             let mut start = [0.0; plant_beam::STATES];
             start[..plant_beam::MODES].copy_from_slice(&m.rest);
-            let states = record(&plant, start, 0.1, 1000).ok()?;
+            let states = record(&plant, start, STEP, 1000).ok()?;
             Some((0..plant_beam::MODES).map(|c| states.iter().map(|y| y[c]).collect()).collect())
         })
         .collect();
-    records.and_then(|r| large("clamped-beam", &r, 0.1, false, 0.024)).ok_or_else(|| broken("beam"))
+    records.and_then(|r| large("clamped-beam", &r, false, 0.024)).ok_or_else(|| broken("beam"))
 }
 
 /// Angular frequency at this energy of the motion along one straight mode: quarter period by
@@ -148,7 +151,7 @@ fn backbone(id: &str, case: &Large) -> Result<Reproduction> {
     let energies: Vec<f64> = (0..=12)
         .map(|i| system.potential(&case.polar.displacement(low * (high / low).powf(f64::from(i) / 12.0), 0.0)))
         .collect();
-    let members = normal_mode::family(system, 0, &energies);
+    let members = normal_mode::family(system, &energies);
     let mut rows = Vec::new();
     let mut worst = [0.0_f64; 4];
     let mut curves: [Vec<f64>; 4] = Default::default();

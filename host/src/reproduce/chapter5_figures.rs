@@ -313,7 +313,7 @@ fn figure_5_13() -> Result<Reproduction> {
     let (one, two) = (type1()?, type2()?);
     let (first, last) = (case.members[0].energy, case.members[4].energy);
     let energies: Vec<f64> = (0..=24).map(|i| first + (last - first) * f64::from(i) / 24.0).collect();
-    let members = crate::reduce::normal_mode::family(&*case.system, 0, &energies);
+    let members = crate::reduce::normal_mode::family(&*case.system, &energies);
     let mut panel = Panel::new("", Axis::linear("energy / (m_{2}l² per s²)"), Axis::linear("frequency / (rad/s)"));
     let (e, w): (Vec<f64>, Vec<f64>) = members.iter().map(|m| (m.energy, m.omega)).unzip();
     panel.series.push(line("full system", &e, &w, 5));

@@ -16,7 +16,7 @@ use crate::identify::harmonic_balance::orbit::Orbit;
 use crate::identify::harmonic_balance::orbits;
 use crate::identify::harmonic_balance::settings::{Orbits, Settings};
 use crate::identify::{Identification, Settings as WeakSettings, built_in, harmonic_balance, identify, stretches};
-use crate::record::{Column, Losses, Record, Segment};
+use crate::record::{Column, Record, Segment};
 use crate::rig::Rig;
 use crate::rig::plant::Plant;
 
@@ -62,29 +62,13 @@ impl Data {
 
 /// A record of one unbroken segment.
 fn record(rig: &Rig, step_s: f64, columns: Vec<Column>, phase: Option<Vec<u32>>) -> Record {
-    Record {
-        path: rig.path.clone(),
-        sample_rate_hz: rig.sample_rate_hz,
-        channels: rig.channel.clone(),
-        segments: vec![Segment {
-            first_tick: 0,
-            boot: 0,
-            start_s: 0.0,
-            step_s,
-            jitter_s: 0.0,
-            columns,
-            phase,
-            amplitude_nm: None,
-        }],
-        losses: Losses::default(),
-        warnings: Vec::new(),
-        metadata: None,
-        numbering: None,
-    }
+    Record::of(rig.path.clone(), rig, vec![Segment { phase, ..Segment::new(0.0, step_s, columns) }])
 }
 
 /// Samples a drive period of the single pendulum, as in the seed.
 pub const SINGLE_PERIOD: usize = 25;
+/// Samples of its record, as in the seed.
+const SINGLE_SAMPLES: usize = 30_000;
 
 /// Rig and plant of the single pendulum, dimensionless: Ω = 1 rad/s, so that a second is a unit of
 /// τ.
@@ -98,12 +82,12 @@ fn single_rig() -> Result<Rig> {
     Rig::parse(&text, Path::new("single pendulum"))
 }
 
-/// The single pendulum's record: `samples` at 25 a period after 40 periods of settling, with
+/// The single pendulum's record, 25 samples a period after 40 periods of settling, with
 /// uniform noise of ± `noise` rad.
 ///
 /// # Errors
 /// A plant that cannot be integrated.
-pub fn single_with(samples: usize, noise: f64, seed: u64) -> Result<Data> {
+pub fn single_with(noise: f64, seed: u64) -> Result<Data> {
     let rig = single_rig()?;
     let step = TAU / SINGLE_PERIOD as f64;
     let settle = 40 * SINGLE_PERIOD;
@@ -114,8 +98,8 @@ pub fn single_with(samples: usize, noise: f64, seed: u64) -> Result<Data> {
     // Tighter than the plants' usual tolerance: the clean record is to tell methods apart to ten
     // digits.
     let mut integrator = Integrator::new(Tolerance { absolute: [1e-14; 2], relative: [0.0; 2] });
-    let (mut state, mut exact) = (start, Vec::with_capacity(samples));
-    for i in 0..settle + samples {
+    let (mut state, mut exact) = (start, Vec::with_capacity(SINGLE_SAMPLES));
+    for i in 0..settle + SINGLE_SAMPLES {
         if i >= settle {
             exact.push(state[0]);
         }
@@ -147,13 +131,13 @@ fn kept(cell: &'static OnceLock<Result<Data>>, make: fn() -> Result<Data>) -> Re
 /// The seed's 30 000 points without noise.
 pub fn single() -> Result<&'static Data> {
     static DATA: OnceLock<Result<Data>> = OnceLock::new();
-    kept(&DATA, || single_with(30_000, 0.0, 1))
+    kept(&DATA, || single_with(0.0, 1))
 }
 
 /// The same with 10 % uniform noise.
 pub fn single_noisy() -> Result<&'static Data> {
     static DATA: OnceLock<Result<Data>> = OnceLock::new();
-    kept(&DATA, || single_with(30_000, TEN_PERCENT, 1))
+    kept(&DATA, || single_with(TEN_PERCENT, 1))
 }
 
 /// A record of a double pendulum given as a rig file's text with [plant].

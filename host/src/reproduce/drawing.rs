@@ -2,6 +2,7 @@
 
 use std::f64::consts::{PI, TAU};
 
+use super::chapter3::DELAY;
 use crate::identify::Identification;
 use crate::identify::harmonic_balance::account::Function;
 use crate::identify::harmonic_balance::orbit::{MARGIN, Orbit};
@@ -29,8 +30,8 @@ pub fn delayed(x: &[f64], delay: usize) -> (Vec<f64>, Vec<f64>) {
 
 /// The three views of an orbit of the double pendulum that figures 3.3 to 3.10 show: θ1–θ1(t + dt),
 /// θ1–θ2, θ2–θ2(t + dt).
-pub fn views(theta1: &[f64], theta2: &[f64], delay: usize) -> Vec<Panel> {
-    let ((a, b), (c, d)) = (delayed(theta1, delay), delayed(theta2, delay));
+pub fn views(theta1: &[f64], theta2: &[f64]) -> Vec<Panel> {
+    let ((a, b), (c, d)) = (delayed(theta1, DELAY), delayed(theta2, DELAY));
     vec![
         portrait("(a)", ["θ_{1}(t) / rad", "θ_{1}(t + dt) / rad"], a.into_iter(), b.into_iter()),
         portrait("(b)", ["θ_{1}(t) / rad", "θ_{2}(t) / rad"], theta1.iter().copied(), theta2.iter().copied()),

@@ -10,7 +10,7 @@ use nalgebra::DMatrix;
 use super::measures::ObservedModel;
 use super::{Direction, Rig};
 use crate::error::{BadInput, Result};
-use crate::model::double_pendulum::Damping;
+use crate::model::damping::Damping;
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::toml_place::Source;
 use crate::system;
@@ -80,7 +80,7 @@ pub fn double_pendulum(rig: &Rig, dampings: &[&Damping]) -> Result<Rig> {
                 (true, 0) => "phi1' - phi2'",
                 (true, _) => "phi2' - phi1'",
             };
-            let law = if damping.is_viscous() { velocity.to_owned() } else { format!("sign({velocity})") };
+            let law = if damping.viscous { velocity.to_owned() } else { format!("sign({velocity})") };
             terms.push(format!("{name} = \"{law}\""));
         }
         // Writing into a string cannot fail.

@@ -57,6 +57,20 @@ impl StuckBits {
 }
 
 impl Channel {
+    /// Values as they stand, which measure what the column is called.
+    pub fn new(name: &str, unit: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            measures: name.to_owned(),
+            unit: unit.to_owned(),
+            counts_per_turn: None,
+            gain: None,
+            offset: None,
+            index_at: None,
+            stuck: None,
+        }
+    }
+
     /// Factor from the column's unit to SI ([`Channel::si_unit`]); for counts 2π/N. A count c also
     /// stands for the middle of [c, c+1), see [`crate::record::Column::angle`].
     pub fn scale(&self) -> f64 {
@@ -89,7 +103,7 @@ impl Channel {
     }
 
     /// Whether values are taken as they stand.
-    pub fn is_plain(&self) -> bool {
+    fn is_plain(&self) -> bool {
         self.gain.unwrap_or(1.0) == 1.0 && self.offset.unwrap_or(0.0) == 0.0
     }
 
@@ -157,16 +171,7 @@ mod tests {
 
     #[test]
     fn every_unit_has_its_si_unit() {
-        let channel = |unit: &str| Channel {
-            name: "c".to_owned(),
-            measures: "q".to_owned(),
-            unit: unit.to_owned(),
-            counts_per_turn: Some(4096),
-            gain: None,
-            offset: None,
-            index_at: None,
-            stuck: None,
-        };
+        let channel = |unit: &str| Channel { counts_per_turn: Some(4096), ..Channel::new("c", unit) };
         for (unit, si, scale) in
             [("count", "rad", TAU / 4096.0), ("mN", "N", 1e-3), ("kN", "N", 1e3), ("um", "m", 1e-6), ("1", "1", 1.0)]
         {

@@ -151,16 +151,7 @@ impl Columns {
             return Err(Fault::new(format!("more than {MOST_COLUMNS} columns"), "fewer", "Shorten the expression"));
         }
         let index = found.unwrap_or_else(|| {
-            columns.push(Channel {
-                name: name.to_owned(),
-                measures: name.to_owned(),
-                unit: "1".to_owned(),
-                counts_per_turn: None,
-                gain: None,
-                offset: None,
-                index_at: None,
-                stuck: None,
-            });
+            columns.push(Channel::new(name, "1"));
             columns.len() - 1
         });
         Ok(symbol(Symbol::Input(index)))

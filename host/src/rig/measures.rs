@@ -52,6 +52,24 @@ pub struct ObservedModel {
     pub base: Option<usize>,
 }
 
+impl ObservedModel {
+    /// Refuses to simulate an input that a channel shows as the base's position.
+    ///
+    /// # Errors
+    /// It is one.
+    pub fn refuse_base_position(&self, rig: &Rig, input: usize, remedy: &str) -> Result<()> {
+        let channel = &rig.channel[self.inputs[input]];
+        if self.base != Some(input) || channel.unit == ACCELERATION {
+            return Ok(());
+        }
+        let expected = format!("unit \"{ACCELERATION}\" for a base that is simulated");
+        Err(BadInput::new(format!("unit \"{}\"", channel.unit), expected)
+            .in_file(&rig.path)
+            .at(format!("channel \"{}\"", channel.name))
+            .remedy(remedy))
+    }
+}
+
 /// Refuses a channel of the base that is neither a position nor an acceleration.
 fn check_base(rig: &Rig) -> Result<()> {
     let channel = rig.channel.iter().enumerate().find(|(_, c)| c.measures == BASE);

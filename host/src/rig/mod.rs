@@ -37,6 +37,24 @@ pub(crate) const RATES: core::ops::RangeInclusive<f64> = 1e-6..=1e7;
 /// Most samples of a drive period: a window of twenty periods is then no longer than what fits into
 /// memory.
 const MOST_A_PERIOD: f64 = 1e6;
+/// Longest simulated record, s (a day).
+pub const LONGEST_S: f64 = 86_400.0;
+/// Most samples of one that is held in memory.
+pub const MOST_SAMPLES: f64 = 2e7;
+
+/// Refuses a length of a simulated record that is none, more than [`LONGEST_S`] or more than so
+/// many samples at a rate.
+///
+/// # Errors
+/// Names the longest.
+pub fn check_seconds(seconds: f64, rate_hz: f64, most_samples: f64) -> Result<()> {
+    if seconds > 0.0 && seconds <= LONGEST_S && seconds * rate_hz <= most_samples {
+        return Ok(());
+    }
+    let most = LONGEST_S.min(most_samples / rate_hz);
+    Err(BadInput::new(seconds.to_string(), format!("seconds above 0, at most {most}")).at("--seconds"))
+}
+
 /// Smallest and greatest physical quantity, SI: products of six of them are still far from what
 /// binary64 can hold (1e±308).
 pub(crate) const QUANTITIES: core::ops::RangeInclusive<f64> = 1e-30..=1e30;
@@ -276,23 +294,13 @@ impl Rig {
 
     /// A rig of columns as they stand, of which nothing is known yet: no model, no unit, no rate.
     pub fn of_columns(columns: &[String], time: TimeChoice) -> Self {
-        let channel = |name: &String| Channel {
-            name: name.clone(),
-            measures: name.clone(),
-            unit: "1".to_owned(),
-            counts_per_turn: None,
-            gain: None,
-            offset: None,
-            index_at: None,
-            stuck: None,
-        };
         Self {
             name: "columns".to_owned(),
             model: String::new(),
             sample_rate_hz: UNKNOWN_RATE,
             time,
             drive: None,
-            channel: columns.iter().map(channel).collect(),
+            channel: columns.iter().map(|name| Channel::new(name, "1")).collect(),
             known: BTreeMap::new(),
             nominal: None,
             effects: Vec::new(),

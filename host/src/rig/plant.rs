@@ -1,6 +1,7 @@
 //! `[plant]` of a rig file: the truth of a simulated rig. Read by `simulate` and `demo` alone.
 
 use serde::Deserialize;
+use serde::de::DeserializeOwned;
 
 use super::Rig;
 use crate::error::{BadInput, Result};
@@ -106,6 +107,52 @@ impl BasePlant {
     }
 }
 
+/// Reads `[plant]` from a rig's text; `example` is a rig file that has one.
+///
+/// # Errors
+/// No table, or one with other keys or kinds of values.
+pub(super) fn table<T: DeserializeOwned>(rig: &Rig, example: &str) -> Result<T> {
+    #[derive(Deserialize)]
+    struct File {
+        plant: Option<toml::Value>,
+    }
+    let bad = |found: String, expected: &str| BadInput::new(found, expected).in_file(&rig.path).at("[plant]");
+    let file: File = toml::from_str(&rig.text).map_err(|e| bad(e.message().to_owned(), "a rig file"))?;
+    let value = file.plant.ok_or_else(|| {
+        bad("no [plant]".to_owned(), "the simulated rig's parameters")
+            .remedy(format!("Add a [plant] table, or use {example}"))
+    })?;
+    value.try_into().map_err(|e: toml::de::Error| {
+        bad(e.message().replace('\n', " "), "").remedy("Correct [plant]; its keys are listed in docs/rig-file.md")
+    })
+}
+
+/// Refuses quantities that are not above 0.
+///
+/// # Errors
+/// The first of them.
+pub(super) fn positive(rig: &Rig, quantities: &[(&str, f64)]) -> Result<()> {
+    match quantities.iter().find(|(_, x)| !super::QUANTITIES.contains(x)) {
+        Some((key, x)) => Err(out_of_range(rig, key, *x, "a value above 0 (1e-30 to 1e30)")),
+        None => Ok(()),
+    }
+}
+
+/// Refuses quantities below 0.
+///
+/// # Errors
+/// The first of them.
+pub(super) fn not_negative(rig: &Rig, quantities: &[(&str, f64)]) -> Result<()> {
+    match quantities.iter().find(|(_, x)| *x != 0.0 && !super::QUANTITIES.contains(x)) {
+        Some((key, x)) => Err(out_of_range(rig, key, *x, "a value of 0 or more (1e-30 to 1e30)")),
+        None => Ok(()),
+    }
+}
+
+pub(super) fn out_of_range(rig: &Rig, key: &str, value: f64, expected: &str) -> BadInput {
+    BadInput::new(value.to_string(), expected).in_file(&rig.path).at(format!("plant.{key}"))
+}
+
 impl Plant {
     /// True value of a parameter that an identification names (coefficients of (3.4) at angular
     /// frequency `omega`, and physical parameters); `None` for a name that the plant does not have.
@@ -152,44 +199,20 @@ impl Plant {
     /// # Errors
     /// Names the key, the value found and the one expected.
     pub fn of(rig: &Rig) -> Result<Self> {
-        #[derive(Deserialize)]
-        struct File {
-            plant: Option<toml::Value>,
-        }
-        let bad = |found: String, expected: &str| BadInput::new(found, expected).in_file(&rig.path).at("[plant]");
-        let file: File = toml::from_str(&rig.text).map_err(|e| bad(e.message().to_owned(), "a rig file"))?;
-        let value = file.plant.ok_or_else(|| {
-            bad("no [plant]".to_owned(), "the simulated rig's parameters")
-                .remedy("Add a [plant] table, or use rigs/chaotic.toml")
-        })?;
-        let plant: Self = value.try_into().map_err(|e: toml::de::Error| {
-            bad(e.message().replace('\n', " "), "").remedy("Correct [plant]; its keys are listed in docs/rig-file.md")
-        })?;
-        for (key, value) in
-            [("m1", plant.m1), ("l1", plant.l1), ("m2", plant.m2), ("J_o1", plant.j_o1), ("J_o2", plant.j_o2)]
-        {
-            if !super::QUANTITIES.contains(&value) {
-                return Err(BadInput::new(value.to_string(), "a value above 0 (1e-30 to 1e30)")
-                    .in_file(&rig.path)
-                    .at(format!("plant.{key}")));
-            }
-        }
-        for (key, value) in [
-            ("e1", plant.e1),
-            ("e2", plant.e2),
-            ("tau_c1", plant.tau_c1),
-            ("c_r2", plant.c_r2),
-            ("amplitude_m", plant.amplitude_m),
-            ("shaker_gain", plant.shaker_gain),
-            ("settle_s", plant.settle_s),
-            ("g", plant.g),
-        ] {
-            if value != 0.0 && !super::QUANTITIES.contains(&value) {
-                return Err(BadInput::new(value.to_string(), "a value of 0 or more (1e-30 to 1e30)")
-                    .in_file(&rig.path)
-                    .at(format!("plant.{key}")));
-            }
-        }
+        let plant: Self = table(rig, "rigs/chaotic.toml")?;
+        let p = &plant;
+        positive(rig, &[("m1", p.m1), ("l1", p.l1), ("m2", p.m2), ("J_o1", p.j_o1), ("J_o2", p.j_o2)])?;
+        let others = [
+            ("e1", p.e1),
+            ("e2", p.e2),
+            ("tau_c1", p.tau_c1),
+            ("c_r2", p.c_r2),
+            ("amplitude_m", p.amplitude_m),
+            ("shaker_gain", p.shaker_gain),
+            ("settle_s", p.settle_s),
+            ("g", p.g),
+        ];
+        not_negative(rig, &others)?;
         plant.base.check(rig)?;
         let h = plant.m2 * plant.e2 * plant.l1;
         if h * h >= plant.j_o1 * plant.j_o2 {
@@ -207,9 +230,7 @@ impl Plant {
                 .at("plant.initial or plant.phase_rad"));
         }
         if plant.settle_s > 3600.0 {
-            return Err(BadInput::new(plant.settle_s.to_string(), "at most 3600 s")
-                .in_file(&rig.path)
-                .at("plant.settle_s"));
+            return Err(out_of_range(rig, "settle_s", plant.settle_s, "at most 3600 s"));
         }
         Ok(plant)
     }

@@ -3,9 +3,9 @@
 
 use serde::Deserialize;
 
-use super::plant::BasePlant;
+use super::plant::{BasePlant, not_negative, out_of_range, positive, table};
 use super::{Direction, Rig};
-use crate::error::{BadInput, Result};
+use crate::error::Result;
 
 /// Parameters of the simulated single pendulum, SI. `e1` and `m1` enter as their product.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
@@ -87,46 +87,17 @@ impl SinglePlant {
     /// # Errors
     /// Names the key, the value found and the one expected.
     pub fn of(rig: &Rig) -> Result<Self> {
-        #[derive(Deserialize)]
-        struct File {
-            plant: Option<toml::Value>,
-        }
-        let bad = |found: String, expected: &str| BadInput::new(found, expected).in_file(&rig.path).at("[plant]");
-        let file: File = toml::from_str(&rig.text).map_err(|e| bad(e.message().to_owned(), "a rig file"))?;
-        let value = file.plant.ok_or_else(|| {
-            bad("no [plant]".to_owned(), "the simulated rig's parameters")
-                .remedy("Add a [plant] table, or use rigs/single-pendulum.toml")
-        })?;
-        let plant: Self = value.try_into().map_err(|e: toml::de::Error| {
-            bad(e.message().replace('\n', " "), "").remedy("Correct [plant]; its keys are listed in docs/rig-file.md")
-        })?;
+        let plant: Self = table(rig, "rigs/single-pendulum.toml")?;
         plant.base.check(rig)?;
-        let check = |key: &str, value: f64, good: bool, expected: &str| {
-            if good && value.is_finite() {
-                return Ok(());
-            }
-            Err(BadInput::new(value.to_string(), expected).in_file(&rig.path).at(format!("plant.{key}")))
-        };
-        for (key, value) in [("m1", plant.m1), ("J_o1", plant.j_o1)] {
-            check(key, value, super::QUANTITIES.contains(&value), "a value above 0 (1e-30 to 1e30)")?;
+        let p = &plant;
+        positive(rig, &[("m1", p.m1), ("J_o1", p.j_o1)])?;
+        let others = [("e1", p.e1), ("c_r1", p.c_r1), ("tau_c1", p.tau_c1), ("g", p.g), ("amplitude_m", p.amplitude_m)];
+        not_negative(rig, &others)?;
+        if !(0.0..=3600.0).contains(&p.settle_s) {
+            return Err(out_of_range(rig, "settle_s", p.settle_s, "0 to 3600 s"));
         }
-        for (key, value) in [
-            ("e1", plant.e1),
-            ("c_r1", plant.c_r1),
-            ("tau_c1", plant.tau_c1),
-            ("g", plant.g),
-            ("amplitude_m", plant.amplitude_m),
-        ] {
-            check(
-                key,
-                value,
-                value == 0.0 || super::QUANTITIES.contains(&value),
-                "a value of 0 or more (1e-30 to 1e30)",
-            )?;
-        }
-        check("settle_s", plant.settle_s, (0.0..=3600.0).contains(&plant.settle_s), "0 to 3600 s")?;
-        for value in plant.initial.into_iter().chain([plant.phase_rad]) {
-            check("initial or phase_rad", value, true, "finite numbers")?;
+        if let Some(x) = p.initial.into_iter().chain([p.phase_rad]).find(|x| !x.is_finite()) {
+            return Err(out_of_range(rig, "initial or phase_rad", x, "finite numbers"));
         }
         Ok(plant)
     }

@@ -168,7 +168,7 @@ fn thirds(density: &[f64], bin_hz: f64) -> Vec<Third> {
         let mut bins: Vec<f64> = density[from.max(LEAKED - 1)..=to].to_vec();
         if !bins.is_empty() {
             let mean = bins.iter().sum::<f64>() / bins.len() as f64;
-            out.push(Third { hz: centre * bin_hz, mean, median: super::spectrum::median(&mut bins) });
+            out.push(Third { hz: centre * bin_hz, mean, median: crate::statistics::median(&mut bins) });
         }
         centre *= 2f64.powf(1.0 / PER_OCTAVE);
     }
@@ -181,7 +181,7 @@ fn noise_at(thirds: &[Third], hz: f64) -> f64 {
         thirds.iter().filter(|t| t.hz >= 3.0 * hz && t.median > 0.0).map(|t| [t.hz.ln(), t.median.ln()]).collect();
     if above.len() < FEWEST_BANDS {
         let mut top: Vec<f64> = thirds.iter().rev().take(FEWEST_BANDS / 2).map(|t| t.median).collect();
-        return super::spectrum::median(&mut top);
+        return crate::statistics::median(&mut top);
     }
     let n = above.len() as f64;
     let mean = |k: usize| above.iter().map(|p| p[k]).sum::<f64>() / n;

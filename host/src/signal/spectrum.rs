@@ -16,6 +16,8 @@ use realfft::num_complex::Complex;
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
+use crate::statistics::median;
+
 /// A spectrum that cannot be computed.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 pub enum SpectrumError {
@@ -154,15 +156,6 @@ pub fn welch(stretches: &[&[f64]], rate_hz: f64, piece: usize) -> Result<Density
         piece,
         density,
     })
-}
-
-/// Median of the values; 0 for none. The slice is reordered.
-pub fn median(values: &mut [f64]) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
 /// Median of the density around bin m (± `half` bins, the line's own three left out).

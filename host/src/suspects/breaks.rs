@@ -19,7 +19,8 @@
 use super::local_fit::{Fitted, Shape, Window, fit};
 use super::screen::Suspect;
 use super::tail;
-use super::trace::{Trace, median, quantile};
+use super::trace::Trace;
+use crate::statistics::{median, quantile};
 
 /// Half widths and degrees that are tried.
 const WINDOWS: [(usize, usize); 6] = [(5, 3), (8, 3), (8, 5), (12, 5), (18, 7), (28, 7)];

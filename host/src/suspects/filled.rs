@@ -12,7 +12,8 @@
 //! Limits: fewer than [`FEWEST`] samples; counts, whose steps hide the line; records without noise,
 //! and those whose noise a filter made smooth.
 
-use super::trace::{Samples, Trace, median};
+use super::trace::{Samples, Trace};
+use crate::statistics::median;
 
 /// Fewest second differences in a row.
 pub const FEWEST: usize = 16;

@@ -7,7 +7,8 @@
 //! Rows with Σ v²/s² ≥ [`CLEAR`]² are counted; what one smooth motion makes of ρ has one maximum,
 //! so that without a fault there are no more rows near 2 than halfway between 1 and 2.
 
-use super::trace::{Trace, median};
+use super::trace::Trace;
+use crate::statistics::median;
 
 /// Velocity over scatter from which a row is counted: ρ is then known to 1/15 (one standard
 /// deviation).

@@ -10,7 +10,8 @@
 //!
 //! Cost: about 5 ns a sample.
 
-use super::trace::{Trace, median};
+use super::trace::Trace;
+use crate::statistics::median;
 
 /// Samples of a block.
 pub const BLOCK: usize = 256;
@@ -22,7 +23,7 @@ const LIMIT: f64 = 6.0;
 /// Standard deviation of Gaussian noise over the median of its size.
 const SIGMA: f64 = 1.4826;
 /// Greatest order.
-pub const HIGHEST: usize = 6;
+const HIGHEST: usize = 6;
 
 /// Central binomial coefficients: of a slip (order d − 1) and the noise (C(2d, d)), for d = 0 to 6.
 const SLIP: [f64; HIGHEST + 1] = [0.0, 1.0, 1.0, 2.0, 3.0, 6.0, 10.0];

@@ -6,10 +6,10 @@
 //! 2]; the limit at probability p is q₉₉ (ln p / ln 0.01)^{1/k}. Gaussian noise gives 7.5 standard
 //! deviations at p = 3·10⁻¹¹, exponential tails 12.
 
-use super::trace::quantile;
+use crate::statistics::quantile;
 
 /// Probability with which a record without a fault is to pass a limit.
-pub const FAMILY: f64 = 1e-6;
+const FAMILY: f64 = 1e-6;
 
 /// The limit for `trials` looks, from values at chance places (at least [`FEWEST`]).
 pub fn limit(values: &mut [f64], trials: usize) -> Option<f64> {

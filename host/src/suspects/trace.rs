@@ -86,20 +86,6 @@ fn step_of(stretches: &[Samples<'_>]) -> f64 {
     if steps.len() >= 32 && large >= 8 && multiples * 20 >= steps.len() * 19 { smallest } else { 0.0 }
 }
 
-/// The median; 0 of nothing.
-pub fn median(x: &mut [f64]) -> f64 {
-    quantile(x, 0.5)
-}
-
-/// The quantile p, 0 to 1 (the sample at ⌊p n⌋); 0 of nothing.
-pub fn quantile(x: &mut [f64], p: f64) -> f64 {
-    if x.is_empty() {
-        return 0.0;
-    }
-    let k = ((x.len() as f64 * p) as usize).min(x.len() - 1);
-    *x.select_nth_unstable_by(k, f64::total_cmp).1
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;

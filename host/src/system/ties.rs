@@ -24,7 +24,7 @@ use super::mechanism::{Mechanism, at};
 use super::open_directions::{NULL, null_space, unit_columns, wanted};
 use super::openness::Openness;
 use super::polynomial::{Atom, Polynomial};
-use crate::identify::Parameter;
+use crate::model::parameter::Parameter;
 
 /// Standard error of a known quantity as a share of it: that of the built-in systems' known
 /// amplitude.

@@ -10,7 +10,7 @@ use super::draw::strong;
 use super::scene::Scene;
 use crate::capture::estimates::Status as Known;
 use crate::error::plain;
-use crate::identify::Parameter;
+use crate::model::parameter::Parameter;
 use crate::report::format::{Z95, count, fixed, plus_minus, shortest, significant};
 
 /// Says why no motion is shown, where there is none.

@@ -6,7 +6,7 @@ use super::scene::tests::{sample, standing};
 use super::*;
 use crate::capture::estimates::{DeviceEstimate, Status as Known};
 use crate::capture::feed::Seen;
-use crate::identify::Parameter;
+use crate::model::parameter::Parameter;
 
 fn scene(samples: u32) -> Scene {
     let text = include_str!("../../../rigs/chaotic.toml");

@@ -1,7 +1,7 @@
 //! A bifurcation diagram of the identified model over a factor on one of its parameters.
 
 use super::Bifurcation;
-use super::starts::{Pace, Starts};
+use super::comparisons::Comparisons;
 use crate::error::{BadInput, Result};
 use crate::model::flow::Outside;
 use crate::phase_space::bifurcation;
@@ -13,9 +13,9 @@ const BIFURCATION_VALUES: usize = 240;
 ///
 /// # Errors
 /// A free system, a parameter that there is not, a range that is none.
-pub(super) fn diagram(starts: &Starts<'_>, tau: f64, state: &[f64]) -> Result<Option<Bifurcation>> {
-    let Starts { equations, circle, pace: Pace { omega, .. }, settings, step_s, .. } = starts;
-    let (omega, step_s) = (*omega, *step_s);
+pub(super) fn diagram(of: &Comparisons<'_>, tau: f64, state: &[f64]) -> Result<Option<Bifurcation>> {
+    let Comparisons { starts, equations, circle, settings, .. } = of;
+    let (omega, step_s) = (starts.pace.omega, starts.step_s);
     let Some((parameter, low, high)) = &settings.bifurcation else { return Ok(None) };
     let names = &equations.names;
     let bad = |found: String, expected: String| Err(BadInput::new(found, expected).at("--bifurcation"));

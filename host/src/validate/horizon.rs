@@ -1,11 +1,11 @@
 //! The prediction horizon: how long the model follows the record from an initial state that was
 //! fitted to a short stretch of it.
 //!
-//! From each of many starts, spread over the record, the state is fitted to [`FIT_PERIODS`] drive
-//! periods (parameters held); from their end on the solution runs free, and the horizon is the time
-//! until any sensor's angle is off by more than the tolerance. Chaos ends it even for a perfect
-//! model: error grows as e^{λt} from what the sensors' noise leaves in the state. The same is
-//! therefore done with a record that the model itself made.
+//! From each of many starts, spread over the record, the state is fitted to two drive periods
+//! (parameters held, [`crate::motion::starts`]); from their end on the solution runs free, and the
+//! horizon is the time until any sensor's angle is off by more than the tolerance. Chaos ends it
+//! even for a perfect model: error grows as e^{λt} from what the sensors' noise leaves in the state.
+//! The same is therefore done with a record that the model itself made.
 
 use indicatif::ProgressBar;
 use rayon::prelude::*;
@@ -13,11 +13,6 @@ use serde::Serialize;
 
 use crate::identify::shooting::problem::{Piece, Problem};
 use crate::model::dynamics::Dynamics;
-
-/// Length of the fit, drive periods.
-pub const FIT_PERIODS: f64 = 2.0;
-/// Longest prediction, drive periods.
-pub const LONGEST_PERIODS: f64 = 60.0;
 
 /// Horizons of a record.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -112,7 +107,7 @@ pub fn horizon<D: Dynamics + ?Sized>(
 mod tests {
     use super::*;
     use crate::identify::shooting::zeros::Zeros;
-    use crate::model::dynamics::Instant;
+    use crate::model::dynamics::Here;
 
     #[test]
     fn quantiles_lie_between_values() {
@@ -131,7 +126,7 @@ mod tests {
         fn parameter_count(&self) -> usize {
             1
         }
-        fn acceleration(&self, p: &[f64], q: &[f64], _: &[f64], _: &Instant<'_>, out: &mut [f64]) -> bool {
+        fn acceleration_held(&self, Here { parameters: p, q, .. }: Here<'_>, out: &mut [f64]) -> bool {
             out[0] = p[0] * q[0];
             true
         }

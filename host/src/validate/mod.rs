@@ -21,6 +21,7 @@
 
 pub mod card;
 mod checks;
+pub mod comparisons;
 mod diagram;
 pub mod energy_distance;
 pub mod horizon;
@@ -29,7 +30,6 @@ pub mod natural_frequencies;
 pub mod presentation;
 pub mod result;
 pub mod sections;
-pub mod starts;
 pub mod twin;
 
 use core::f64::consts::TAU;
@@ -37,19 +37,20 @@ use core::f64::consts::TAU;
 use indicatif::ProgressBar;
 use serde::Serialize;
 
+use self::comparisons::{Beginning, Comparisons};
 use self::identified_equations::IdentifiedEquations;
 pub use self::result::{
     Bifurcation, Check, ExponentComparison, HorizonComparison, OrbitComparison, Orbits, Pair, Validation, Verdict,
 };
-use self::starts::{Beginning, Pace, RecordTrack, Starts};
 use self::twin::Twin;
 use crate::error::{BadInput, Result};
+use crate::identify;
 use crate::identify::Settings as IdentifySettings;
 use crate::identify::stretches::{self, Stretch};
 use crate::identify::track::{ExogenousInputs, Track};
-use crate::identify::{self, Prepared};
 use crate::inspect::{InspectSettings, Inspection, inspect};
 use crate::model::identified::IdentifiedModel;
+use crate::motion::starts::{MOST_STARTS, Pace, RecordTrack, period_s};
 use crate::record::Record;
 use crate::rig::{Rig, as_own};
 
@@ -77,7 +78,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { tolerance_deg: 30.0, starts: 60, seed: 1, bifurcation: None }
+        Self { tolerance_deg: 30.0, starts: MOST_STARTS, seed: 1, bifurcation: None }
     }
 }
 
@@ -141,11 +142,11 @@ pub fn validate(
     let track = Track::new(stretches, &exogenous, rig, bound, noise);
     let measured = RecordTrack { stretches, track: &track };
     let pace = Pace { period_s: period_s(rig, &prepared), omega };
-    let starts = Starts::new(&equations, measured, bound.model.circle(), pace, settings);
+    let comparisons = Comparisons::new(&equations, measured, bound.model.circle(), pace, settings);
 
-    let begin = starts.longest_stretch(measured).ok_or_else(unable)?;
+    let begin = comparisons.longest_stretch(measured).ok_or_else(unable)?;
     let like = records.iter().max_by_key(|r| r.longest_segment()).ok_or_else(unable)?;
-    let own = own_record(&starts, measured, &begin, &Twin { like, bound, noise, seed: settings.seed })?;
+    let own = own_record(&comparisons, measured, &begin, &Twin { like, bound, noise, seed: settings.seed })?;
     let own_stretches = stretches::of(&own, rig, bound)?;
     let own_exogenous = course(&own_stretches);
     let own_track = Track::new(&own_stretches, &own_exogenous, rig, bound, noise);
@@ -155,7 +156,7 @@ pub fn validate(
     let bar = supplements.progress.unwrap_or(&hidden);
     // Two inspections, the exponent and the orbits, beside the starts.
     bar.inc_length(STAGES);
-    let horizon = starts.compare(measured, simulated, bar);
+    let horizon = comparisons.compare(measured, simulated, bar);
     let choice = InspectSettings::default();
     let of_own = inspect(&own, rig, &choice)?;
     bar.inc(1);
@@ -165,9 +166,9 @@ pub fn validate(
     let spaces = (&of_record.phase_space, &of_own.phase_space);
     let sections = sections::compare(spaces.0, spaces.1, settings.seed);
     let records_exponents = Pair::of_exponents(spaces.0.lyapunov.as_ref(), spaces.1.lyapunov.as_ref());
-    let lyapunov = starts.exponent(begin.stretch, &begin.state, records_exponents);
+    let lyapunov = comparisons.exponent(begin.stretch, &begin.state, records_exponents);
     bar.inc(1);
-    let orbits = starts.orbits(spaces.0, spaces.1, measured, MOST_ORBITS);
+    let orbits = comparisons.orbits(spaces.0, spaces.1, measured, MOST_ORBITS);
     bar.inc(1);
     let natural_frequencies = natural_frequencies::compare(model, rig, supplements.free)?;
     let mut out = Validation {
@@ -182,7 +183,7 @@ pub fn validate(
         correlation_dimension: Pair::of_dimensions(spaces.0, spaces.1),
         orbits,
         natural_frequencies,
-        bifurcation: diagram::diagram(&starts, begin.stretch.tau(0), &begin.state)?,
+        bifurcation: diagram::diagram(&comparisons, begin.stretch.tau(0), &begin.state)?,
         warnings,
     };
     out.horizon.median_lyapunov_times = out.horizon.lyapunov_times(out.lyapunov.as_ref());
@@ -202,7 +203,7 @@ fn unable() -> BadInput {
 /// The record that the model makes itself from the beginning of the longest stretch on: as long as
 /// all stretches together, or as its inputs last.
 fn own_record(
-    starts: &Starts<'_>,
+    comparisons: &Comparisons<'_>,
     measured: RecordTrack<'_>,
     begin: &Beginning<'_>,
     twin: &Twin<'_>,
@@ -210,26 +211,10 @@ fn own_record(
     let has_inputs = !twin.bound.inputs.is_empty();
     let all = if has_inputs { begin.stretch.len() } else { measured.stretches.iter().map(Stretch::len).sum() };
     let at = |t: f64, out: &mut [f64]| measured.track.inputs(t, out);
-    let outside = starts.outside(measured, begin.index, &at).ok_or_else(unable)?;
-    twin.record(starts, begin, outside, all.min(MOST_SAMPLES)).ok_or_else(|| {
+    let outside = comparisons.outside(measured, begin.index, &at).ok_or_else(unable)?;
+    twin.record(&comparisons.starts, begin, outside, all.min(MOST_SAMPLES)).ok_or_else(|| {
         BadInput::new("a solution that runs away", "a model whose motion stays finite")
             .at("--model")
             .remedy("Its parameters are not those of a rig at rest or in motion: identify the model anew")
     })
-}
-
-/// What stands for the drive's period in a free pendulum, s.
-const FREE_PERIOD_S: f64 = 0.2;
-/// Fewest samples of a period.
-const FEWEST_SAMPLES: f64 = 8.0;
-
-/// The drive's period; in a free system of a user's own that of the highest frequency that the weak
-/// form takes into account.
-pub(crate) fn period_s(rig: &Rig, prepared: &Prepared) -> f64 {
-    let windows = &prepared.geometry.windows;
-    match (rig.drive, &rig.bound) {
-        (Some(d), _) => 1.0 / d.frequency_hz,
-        (None, None) => FREE_PERIOD_S,
-        (None, Some(_)) => (windows.length_s / windows.frequencies as f64).max(FEWEST_SAMPLES / rig.sample_rate_hz),
-    }
 }

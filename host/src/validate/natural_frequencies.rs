@@ -44,9 +44,8 @@ pub fn of_model(b11: f64, b12: f64, b21: f64, b22: f64, omega: f64) -> Option<[f
     squares.iter().all(|s| s.is_finite() && *s > 0.0).then(|| squares.map(|s| s.sqrt() * omega / TAU))
 }
 
-/// The model's natural frequencies beside those of a free vibration; none where they are not
-/// known of
-/// the model.
+/// The model's natural frequencies beside those of a free vibration; none where they are not known
+/// of the model.
 ///
 /// # Errors
 /// As [`of_record`]; a free vibration for a model whose natural frequencies are not known.

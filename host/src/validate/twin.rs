@@ -7,10 +7,11 @@ use std::path::PathBuf;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::starts::{Beginning, Starts};
+use super::comparisons::Beginning;
 use crate::identify::remeasured::Sensors;
 use crate::identify::stretches::mixed;
 use crate::model::flow::{Flow, Outside, Work};
+use crate::motion::starts::Starts;
 use crate::record::{Column, Losses, Record, Segment};
 use crate::rig::measures::ObservedModel;
 use crate::signal::angles::Phase;
@@ -41,8 +42,8 @@ impl Twin<'_> {
         let stretch = begin.stretch;
         let driven = !matches!(stretch.phase, Phase::Clock(0.0));
         let (tau, omega) = (outside.tau, outside.omega);
-        let dynamics = &*starts.equations.dynamics;
-        let flow = Flow::new(dynamics, &starts.equations.parameters, outside, starts.step_s);
+        let dynamics = starts.dynamics;
+        let flow = Flow::new(dynamics, starts.parameters, outside, starts.step_s);
         let mut work = Work::plain(dynamics);
         work.set(&begin.state);
         let mut coordinates = vec![Vec::with_capacity(count); dynamics.degrees_of_freedom()];
@@ -87,20 +88,9 @@ impl Twin<'_> {
             path: PathBuf::from("simulated by the identified model"),
             sample_rate_hz: like.sample_rate_hz,
             channels,
-            segments: vec![Segment {
-                first_tick: 0,
-                boot: 0,
-                start_s: stretch.start_s,
-                step_s: stretch.step_s,
-                jitter_s: 0.0,
-                columns,
-                phase,
-                amplitude_nm: None,
-            }],
+            segments: vec![Segment { phase, ..Segment::new(stretch.start_s, stretch.step_s, columns) }],
             losses: Losses { received: count as u64, ..Losses::default() },
-            warnings: Vec::new(),
-            metadata: None,
-            numbering: None,
+            ..Record::default()
         })
     }
 }

@@ -5,23 +5,12 @@ use std::collections::BTreeMap;
 use whirl_firmware::history::{KEPT, block_bytes};
 use whirl_firmware::lock_step::Order;
 use whirl_hil_sim::RigSettings;
-use whirl_hil_sim::emulated::{Emulation, EmulatorSettings, Script, Sent, board_settings, on_this_machine, run};
+use whirl_hil_sim::emulated::{Script, board_settings, on_this_machine};
 use whirl_shared::block::{Counts, samples};
 use whirl_shared::codec::Decoder;
 use whirl_shared::frame::{BackFilled, Command, CommandResult, DeviceMessage, SampleBlock};
 
 use crate::image;
-
-fn emulate(script: &Script, ticks: u32) -> Option<(Emulation, Sent)> {
-    let image = image::image()?;
-    let folder = tempfile::tempdir().unwrap();
-    let settings = EmulatorSettings { script: script.clone(), ..EmulatorSettings::new(image, folder.path(), ticks) };
-    let emulation = run(&settings).unwrap();
-    assert_eq!(emulation.status, Some(0), "{}", emulation.console);
-    let sent = Sent::of(&emulation.frames);
-    assert_eq!((sent.bad, sent.sequence.lost), (0, 0));
-    Some((emulation, sent))
-}
 
 /// Counts by ticks.
 fn by_tick<'a>(blocks: impl IntoIterator<Item = &'a SampleBlock>) -> BTreeMap<u32, Counts> {
@@ -43,7 +32,7 @@ fn ask(boot_id: u32, first_tick: u32, ticks: u32) -> Command {
 fn ten_seconds_are_sent_again_as_they_were_streamed_and_as_on_this_machine() {
     let ticks = 14_000;
     let script = Script::new().drive(0, ticks, 5_000, 15_525, 5_000).command(6_003, ask(1, 1_000, 5_000));
-    let Some((emulation, sent)) = emulate(&script, ticks) else { return };
+    let Some((emulation, sent)) = image::emulate(&script, ticks) else { return };
     assert_eq!(sent.back_filled, [BackFilled { first_tick: 1_000, ticks: 5_000, samples: 5_000 }]);
     let (streamed, restored) = (by_tick(&streamed(&emulation.frames)), by_tick(&sent.restored));
     assert!((1_000..6_000).all(|tick| restored.get(&tick).is_some_and(|counts| streamed.get(&tick) == Some(counts))));
@@ -57,7 +46,7 @@ fn ten_seconds_are_sent_again_as_they_were_streamed_and_as_on_this_machine() {
 #[test]
 fn what_a_link_did_not_take_for_ten_seconds_is_there_afterwards() {
     let script = Script::new().order(600, Order::BlockLink(5_000)).command(6_000, ask(1, 0, 6_000));
-    let Some((emulation, sent)) = emulate(&script, 16_000) else { return };
+    let Some((emulation, sent)) = image::emulate(&script, 16_000) else { return };
     // The estimate goes on, too: it has every sample.
     let dropped = sent.statuses.last().unwrap().dropped_samples;
     assert!((4_360..=4_380).contains(&dropped) && sent.samples.missing == u64::from(dropped), "{dropped}");
@@ -71,7 +60,7 @@ fn what_a_link_did_not_take_for_ten_seconds_is_there_afterwards() {
 #[test]
 fn what_is_older_than_the_memory_or_of_another_boot_is_not_there() {
     let script = Script::new().command(12_000, ask(2, 0, 500)).command(12_100, ask(1, 0, 2_000));
-    let Some((_, sent)) = emulate(&script, 13_000) else { return };
+    let Some((_, sent)) = image::emulate(&script, 13_000) else { return };
     assert_eq!(
         sent.acks.iter().map(|ack| ack.result).collect::<Vec<_>>(),
         [CommandResult::WrongState, CommandResult::Done]

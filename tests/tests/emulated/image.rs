@@ -1,8 +1,10 @@
-//! The image under test, built once.
+//! The image under test, built once, and runs of it.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
+
+use whirl_hil_sim::emulated::{Emulation, EmulatorSettings, Script, Sent, run};
 
 const TARGET: &str = "thumbv7em-none-eabihf";
 const BOARD: &str = "whirl-board-mps2-an386";
@@ -10,6 +12,19 @@ const BOARD: &str = "whirl-board-mps2-an386";
 /// The image; `None`, with a word about it, where this machine cannot run it and nobody insists.
 pub fn image() -> Option<PathBuf> {
     binary(BOARD)
+}
+
+/// A run of the board by a script, of which nothing is lost on the way: every frame that it sends
+/// is whole and there.
+pub fn emulate(script: &Script, ticks: u32) -> Option<(Emulation, Sent)> {
+    let image = image()?;
+    let folder = tempfile::tempdir().unwrap();
+    let settings = EmulatorSettings { script: script.clone(), ..EmulatorSettings::new(image, folder.path(), ticks) };
+    let emulation = run(&settings).unwrap();
+    assert_eq!(emulation.status, Some(0), "{}", emulation.console);
+    let sent = Sent::of(&emulation.frames);
+    assert_eq!((sent.bad, sent.sequence.lost), (0, 0));
+    Some((emulation, sent))
 }
 
 /// One of the emulated board's binaries.

@@ -22,7 +22,8 @@ fn folder() -> &'static Path {
     FOLDER.get_or_init(made).path()
 }
 
-/// Refused within a second or two, by one line that holds these parts.
+/// Refused at once, within 20 s where the machine has other work, by one line that holds these
+/// parts.
 fn refused(command: &str, parts: &[&str]) {
     let begun = Instant::now();
     let run = whirl(folder(), command);

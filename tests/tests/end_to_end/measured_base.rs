@@ -134,7 +134,7 @@ fn hum_that_is_measured_leaves_nothing_missing_and_every_parameter_right() {
     assert_eq!((e.verdict, e.effects.len()), (Verdict::NothingMissing, 0), "{}", e.reason);
 }
 
-/// What is hidden in the arms is found as before.
+/// What is hidden in the arms is found beside a base that is measured.
 #[test]
 fn a_hidden_effect_is_named_under_a_drive_that_is_measured() {
     let folder = tempfile::tempdir().unwrap();

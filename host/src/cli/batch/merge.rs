@@ -8,9 +8,10 @@ use super::page::Summary;
 use crate::batch::merge::merge;
 use crate::batch::table::{Layout, Table};
 use crate::cli::Answer;
-use crate::cli::output::{Output, Replace, write_file};
+use crate::cli::output::{Output, Replace};
 use crate::cli::outputs::Outputs;
 use crate::error::{Result, tell};
+use crate::files::write_file;
 
 /// Arguments of `batch merge`.
 #[derive(Debug, Args)]

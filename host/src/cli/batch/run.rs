@@ -19,8 +19,9 @@ use crate::batch::table::{Layout, Table};
 use crate::batch::{FORMAT, hash};
 use crate::cli::outputs::Outputs;
 use crate::cli::single::{Analysed, Common, Single};
-use crate::cli::{Answer, output, progress};
+use crate::cli::{Answer, progress};
 use crate::error::{BadInput, Result};
+use crate::files::write_file;
 use crate::rig::Rig;
 
 /// Arguments that do not change a row.
@@ -285,7 +286,7 @@ pub fn run<C: Single>(batch: &Of<C>, matches: Option<&ArgMatches>) -> Result<Ans
         row
     });
     let table = Table::new(C::NAME, rows.collect());
-    output::write_file(&batch.out, &table.bytes(layout)?)?;
+    write_file(&batch.out, &table.bytes(layout)?)?;
     journal.finish()?;
     Summary::of(&table, &batch.out, all.len()).give(out)
 }

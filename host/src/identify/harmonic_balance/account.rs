@@ -13,6 +13,7 @@ use super::settings::{Orbits, Settings};
 use super::solve::{HeldOut, Trail, residual};
 use super::{Balance, Orbit};
 use crate::identify::built_in::WrittenRig;
+use crate::identify::regression::MOST_DOTS;
 use crate::identify::units::units_of;
 use crate::identify::{Details, Identification, RecordUse, Residuals, built_in, identifiability};
 use crate::record::Record;
@@ -138,7 +139,7 @@ fn residuals(balance: &Balance, drive_hz: f64) -> Vec<Residuals> {
             let mut sums: Vec<(f64, f64)> = Vec::new();
             let mut dots = Vec::new();
             let used: Vec<usize> = (0..rows.len()).filter(|r| fit.kept[*r]).collect();
-            let stride = used.len().div_ceil(2000).max(1);
+            let stride = used.len().div_ceil(MOST_DOTS).max(1);
             for (i, r) in used.iter().enumerate() {
                 let (predicted, e) = residual(rows.row(*r), &fit.coefficients);
                 let id = rows.ids[*r];
@@ -238,9 +239,7 @@ pub fn identification(
             stop_hz: cut_off,
             sign_pass_hz: cut_off,
             noise_rad: vec![0.0; bound.sensors.len()],
-            noise_bias: Vec::new(),
             condition: balance.fits.iter().map(|f| f.condition).collect(),
-            repetition: 0.0,
             jackknife_blocks: balance.blocks,
             ties_misfit,
             ..Details::default()

@@ -8,7 +8,7 @@ use std::sync::Arc;
 
 use super::orbit::State;
 use super::settings::Basis;
-use crate::model::double_pendulum::Damping;
+use crate::model::damping::Damping;
 use crate::model::single_pendulum;
 
 /// A factor of a product.
@@ -143,7 +143,7 @@ pub fn double_pendulum(dampings: &[&Damping]) -> Equations {
             let Some(name) = damping.names[i] else { continue };
             // A torque in joint 2 acts on both arms with opposite signs.
             let direction = if joint(damping) == 1 && i == 0 { -1.0 } else { 1.0 };
-            let products = match (damping.is_viscous(), joint(damping)) {
+            let products = match (damping.viscous, joint(damping)) {
                 (true, 0) => vec![product(direction, &[rate[0]], Drive::None)],
                 (true, _) => {
                     vec![product(direction, &[rate[1]], Drive::None), product(-direction, &[rate[0]], Drive::None)]

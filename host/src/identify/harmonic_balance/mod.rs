@@ -43,6 +43,7 @@ use super::system::System;
 use crate::error::{BadInput, Result};
 use crate::record::Record;
 use crate::rig::Rig;
+use crate::system::library::Pendulum;
 use crate::warning::Warning;
 use account::{Account, EquationAccount};
 use equations::Equations;
@@ -84,9 +85,9 @@ pub struct Balance {
 
 /// The equations of a system.
 pub fn equations(system: &System, settings: &Settings) -> Equations {
-    match system {
-        System::Single(dampings) => equations::single_pendulum(dampings, settings.basis),
-        System::Double(dampings) => equations::double_pendulum(dampings),
+    match system.pendulum {
+        Pendulum::Single => equations::single_pendulum(&system.coefficients(), settings.basis),
+        Pendulum::Double => equations::double_pendulum(&system.dampings),
     }
 }
 

@@ -57,7 +57,7 @@ impl<'a> Unknowns<'a> {
     }
 
     /// The first unknown of an equation.
-    pub fn first_of(&self, equation: usize) -> usize {
+    fn first_of(&self, equation: usize) -> usize {
         self.list.iter().filter(|u| u.equation < equation).count()
     }
 
@@ -67,7 +67,7 @@ impl<'a> Unknowns<'a> {
     }
 
     /// All coefficients, equation by equation, from the unknown ones.
-    pub fn with_known(&self, found: &[DVector<f64>]) -> Vec<Vec<f64>> {
+    fn with_known(&self, found: &[DVector<f64>]) -> Vec<Vec<f64>> {
         let all = |(known, found): (&Vec<Option<f64>>, &DVector<f64>)| {
             let mut free = found.iter();
             known.iter().map(|k| k.unwrap_or_else(|| free.next().copied().unwrap_or(0.0))).collect()

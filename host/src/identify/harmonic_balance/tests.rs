@@ -9,6 +9,7 @@ use whirl_hil_sim::{Simulation, SimulationSettings};
 
 use super::settings::{Basis, Differentiation, Optimisation, Subharmonics};
 use super::*;
+use crate::model::double_pendulum::DAMPINGS;
 use crate::signal::angles::Phase;
 
 /// The seed's single pendulum, `periods` drive periods of 25 samples, after 20 of settling.
@@ -76,8 +77,7 @@ fn pieces_of_the_single_pendulum_give_its_coefficients() {
 #[test]
 fn five_point_pieces_of_the_double_pendulum_are_free_of_the_jump() {
     let segment = double(120.0);
-    let system =
-        System::Double(vec![&crate::model::double_pendulum::DAMPINGS[0], &crate::model::double_pendulum::DAMPINGS[1]]);
+    let system = System { pendulum: Pendulum::Double, dampings: DAMPINGS[..2].iter().collect() };
     let found = orbits::find(&[segment], &relative(), &[true; 2], 100.0, &Orbits::Pieces { periods: 30 });
     let mut settings = Settings {
         differentiation: Differentiation::FivePoint,

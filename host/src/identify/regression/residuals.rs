@@ -184,27 +184,24 @@ pub fn identification_error(windows: &[WindowRows], e: usize, coefficients: &DVe
     if largest > 0.0 { worst / largest } else { f64::INFINITY }
 }
 
+/// Most dots of an equation's figure.
+pub const MOST_DOTS: usize = 2000;
+
 /// Rms residual at each frequency with given coefficients, and the dots of figure 3.14.
 pub fn frequency_dots(
     windows: &[WindowRows],
     e: usize,
     coefficients: &DVector<f64>,
     frequencies: usize,
-    most: usize,
 ) -> (Vec<f64>, Vec<(usize, f64, f64)>) {
-    (rms_by_frequency(windows, e, coefficients, frequencies), residual_dots(windows, e, coefficients, most))
+    (rms_by_frequency(windows, e, coefficients, frequencies), residual_dots(windows, e, coefficients))
 }
 
-/// Dots of figure 3.14: (frequency index, prediction, residual) of one equation, at most `most` of
-/// them by a fixed stride.
-pub fn residual_dots(
-    windows: &[WindowRows],
-    e: usize,
-    coefficients: &DVector<f64>,
-    most: usize,
-) -> Vec<(usize, f64, f64)> {
+/// Dots of figure 3.14: (frequency index, prediction, residual) of one equation, at most
+/// [`MOST_DOTS`] of them by a fixed stride.
+pub fn residual_dots(windows: &[WindowRows], e: usize, coefficients: &DVector<f64>) -> Vec<(usize, f64, f64)> {
     let each = row_count_of(windows, e, coefficients.len());
-    let stride = (each * windows.len()).div_ceil(most.max(1)).max(1);
+    let stride = (each * windows.len()).div_ceil(MOST_DOTS).max(1);
     let width = coefficients.len() + 1;
     (0..each * windows.len())
         .step_by(stride)

@@ -147,7 +147,7 @@ fn balances(
     let rows = windows::rows_of(&system, &weak.equations, kernels, windows);
     let columns = Split::new(&bound.model, 1).tied(names, found);
     let one = |(e, coefficients): (usize, &DVector<f64>)| {
-        let (rms, dots) = frequency_dots(&rows, e, coefficients, windows.frequencies, 2000);
+        let (rms, dots) = frequency_dots(&rows, e, coefficients, windows.frequencies);
         let residuals = Residuals { frequency_step_hz: 1.0 / windows.length_s, rms, dots };
         (identification_error(&rows, e, coefficients), residuals)
     };

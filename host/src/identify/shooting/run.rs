@@ -23,7 +23,7 @@ use crate::error::BadInput;
 use crate::identify::regression::REPEATING;
 use crate::model::dynamics::Dynamics;
 use crate::report::format::significant;
-use crate::signal::spectrum::median;
+use crate::statistics::median;
 
 /// Most pieces of the first two levels.
 const FEW: usize = 96;

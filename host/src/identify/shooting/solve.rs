@@ -66,11 +66,6 @@ pub fn reduce(share: &Share, x: usize, damping: f64) -> Option<Reduced> {
 }
 
 impl Reduced {
-    /// What the piece's state alone would take off the sum of squares, the parameters held.
-    pub fn own_gain(&self) -> f64 {
-        self.own.dot(&self.factor.solve(&self.own))
-    }
-
     /// The piece's own step for a step of the parameters.
     pub fn own_step(&self, step: &DVector<f64>) -> DVector<f64> {
         -self.factor.solve(&(&self.own + &self.coupling * step))

@@ -5,7 +5,7 @@
 //! with its state, and what slips did before it does not reach the parameters. Coordinates: q, then
 //! o.
 
-use crate::model::dynamics::{Dynamics, Instant, Linearisation};
+use crate::model::dynamics::{Dynamics, Here, Linearisation};
 
 /// Equations with an offset of each sensor.
 pub struct WithOffsets<'a> {
@@ -35,6 +35,12 @@ impl<'a> WithOffsets<'a> {
         let (q, v) = state.split_at(state.len() / 2);
         q.iter().copied().chain(none()).chain(v.iter().copied()).chain(none()).collect()
     }
+
+    /// Without the offsets.
+    fn inside<'b>(&self, here: Here<'b>) -> Here<'b> {
+        let n = self.inner.degrees_of_freedom();
+        Here { q: &here.q[..n], v: &here.v[..n], ..here }
+    }
 }
 
 impl Dynamics for WithOffsets<'_> {
@@ -46,12 +52,6 @@ impl Dynamics for WithOffsets<'_> {
         self.inner.parameter_count()
     }
 
-    fn acceleration(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
-        let n = self.inner.degrees_of_freedom();
-        out[n..].fill(0.0);
-        self.inner.acceleration(p, &q[..n], &v[..n], at, &mut out[..n])
-    }
-
     fn switches(&self) -> &[Vec<f64>] {
         &self.switches
     }
@@ -60,38 +60,17 @@ impl Dynamics for WithOffsets<'_> {
         &self.seams
     }
 
-    fn acceleration_held(
-        &self,
-        p: &[f64],
-        q: &[f64],
-        v: &[f64],
-        at: &Instant<'_>,
-        signs: &[f64],
-        out: &mut [f64],
-    ) -> bool {
+    fn acceleration_held(&self, here: Here<'_>, out: &mut [f64]) -> bool {
         let n = self.inner.degrees_of_freedom();
         out[n..].fill(0.0);
-        self.inner.acceleration_held(p, &q[..n], &v[..n], at, signs, &mut out[..n])
-    }
-
-    fn partials_held(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, signs: &[f64], out: &mut [f64]) -> bool {
-        let mut acceleration = vec![0.0; self.degrees_of_freedom()];
-        self.linearise_held(p, q, v, at, signs, Linearisation { acceleration: &mut acceleration, partials: out })
+        self.inner.acceleration_held(self.inside(here), &mut out[..n])
     }
 
     fn takes_states_alone(&self) -> bool {
         self.inner.takes_states_alone()
     }
 
-    fn linearise_held(
-        &self,
-        p: &[f64],
-        q: &[f64],
-        v: &[f64],
-        at: &Instant<'_>,
-        signs: &[f64],
-        out: Linearisation<'_>,
-    ) -> bool {
+    fn linearise_held(&self, here: Here<'_>, out: Linearisation<'_>) -> bool {
         let Linearisation { acceleration, partials } = out;
         let (n, all) = (self.inner.degrees_of_freedom(), self.degrees_of_freedom());
         let width = partials.len() / all;
@@ -100,7 +79,7 @@ impl Dynamics for WithOffsets<'_> {
         acceleration[n..].fill(0.0);
         partials.fill(0.0);
         let of_inner = Linearisation { acceleration: &mut acceleration[..n], partials: &mut inner };
-        if !self.inner.linearise_held(p, &q[..n], &v[..n], at, signs, of_inner) {
+        if !self.inner.linearise_held(self.inside(here), of_inner) {
             return false;
         }
         for (from, to) in inner.chunks_exact(inner_width).zip(partials.chunks_exact_mut(width)) {
@@ -127,7 +106,7 @@ mod tests {
         fn parameter_count(&self) -> usize {
             2
         }
-        fn acceleration(&self, p: &[f64], q: &[f64], v: &[f64], _: &Instant<'_>, out: &mut [f64]) -> bool {
+        fn acceleration_held(&self, Here { parameters: p, q, v, .. }: Here<'_>, out: &mut [f64]) -> bool {
             out[0] = -p[0] * q[0].sin() - p[1] * v[0];
             true
         }

@@ -23,7 +23,7 @@ const SCALE_STEP: f64 = 0.02;
 /// Lags that are tried, samples.
 const LAGS: [f64; 8] = [1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 18.0, 25.0];
 /// Longest lag that is looked at, samples.
-pub(super) const MOST_LAG: f64 = 64.0;
+const MOST_LAG: f64 = 64.0;
 
 /// Names of the signals and what the rig file says of them: sensors, then inputs.
 pub(super) fn channels(scene: &Scene) -> Vec<&Channel> {

@@ -24,7 +24,7 @@ mod undo;
 use crate::error::BadInput;
 use crate::identify::Identification;
 use crate::identify::geometry::drive_window_s;
-use crate::record::{Column, Record, Segment};
+use crate::record::Record;
 use crate::rig::Rig;
 use crate::warning::Warning;
 use arrow::NamedCoefficient;
@@ -223,7 +223,7 @@ fn beginning(records: &[Record], seconds: f64) -> Vec<Record> {
                 break;
             }
             left -= n as f64 * s.step_s;
-            segments.push(head(s, n));
+            segments.push(s.rows(0..n));
         }
         if segments.is_empty() {
             break;
@@ -234,29 +234,10 @@ fn beginning(records: &[Record], seconds: f64) -> Vec<Record> {
             channels: record.channels.clone(),
             segments,
             losses: record.losses.clone(),
-            warnings: Vec::new(),
-            metadata: None,
-            numbering: None,
+            ..Record::default()
         });
     }
     out
-}
-
-fn head(s: &Segment, n: usize) -> Segment {
-    let column = |c: &Column| match c {
-        Column::Counts(x) => Column::Counts(x[..n].to_vec()),
-        Column::Values(x) => Column::Values(x[..n].to_vec()),
-    };
-    Segment {
-        first_tick: s.first_tick,
-        start_s: s.start_s,
-        step_s: s.step_s,
-        jitter_s: s.jitter_s,
-        columns: s.columns.iter().map(column).collect(),
-        phase: s.phase.as_ref().map(|p| p[..n].to_vec()),
-        amplitude_nm: s.amplitude_nm.as_ref().map(|a| a[..n].to_vec()),
-        boot: s.boot,
-    }
 }
 
 #[cfg(test)]
@@ -264,7 +245,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
-    use crate::record::Losses;
+    use crate::record::{Column, Segment};
 
     /// φ̈ = −φ̇ c − b sin φ for 2000 s, with a period of ten where it swings little, 20 samples a
     /// second and noise of 0.03 rad; a slower pendulum has the same samples at other times.
@@ -288,26 +269,8 @@ mod tests {
             state = along(state, [sum(0), sum(1)], step);
             now
         });
-        let segment = Segment {
-            first_tick: 0,
-            boot: 0,
-            start_s: 0.0,
-            step_s: slower * step,
-            jitter_s: 0.0,
-            columns: vec![Column::Values(shown.collect())],
-            phase: None,
-            amplitude_nm: None,
-        };
-        Record {
-            path: "r.csv".into(),
-            sample_rate_hz: 1.0 / segment.step_s,
-            channels: rig.channel.clone(),
-            segments: vec![segment],
-            losses: Losses::default(),
-            warnings: Vec::new(),
-            metadata: None,
-            numbering: None,
-        }
+        let segment = Segment::new(0.0, slower * step, vec![Column::Values(shown.collect())]);
+        Record { sample_rate_hz: 1.0 / segment.step_s, ..Record::of("r.csv", rig, vec![segment]) }
     }
 
     fn rig(slower: f64) -> Rig {

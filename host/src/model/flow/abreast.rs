@@ -3,11 +3,12 @@
 //! which a sign turns, or a rate begins at zero, are left to it.
 
 use super::switching::{crossing, turned_over};
-use super::{A, C, Flow, Inputs, Work};
+use super::{Flow, Inputs, Work};
 use crate::model::dynamics::{Dynamics, Instant};
 use crate::model::model_file::equations_of_motion::abreast::{Abreast, Room};
 use crate::model::model_file::equations_of_motion::{EquationsOfMotion, turns};
 pub use crate::model::model_file::tape::ABREAST;
+use crate::model::tableau::{A, C};
 use crate::model::vectors::{add_matrix_products, combine};
 
 /// The stage at the step's end. Its rates say only whether a sign turns: no column is made of them.

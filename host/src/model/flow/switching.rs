@@ -7,7 +7,7 @@
 use core::f64::consts::{PI, TAU};
 
 use super::{Flow, Mode, Work};
-use crate::model::dynamics::{Dynamics, Instant};
+use crate::model::dynamics::{Dynamics, Here};
 use crate::model::model_file::equations_of_motion::turns;
 
 impl<D: Dynamics + ?Sized> Flow<'_, D> {
@@ -17,7 +17,9 @@ impl<D: Dynamics + ?Sized> Flow<'_, D> {
         let mut inputs = core::mem::take(&mut work.inputs);
         let instant = self.instant(time, &mut inputs);
         let (q, v) = work.y[..2 * n].split_at(n);
-        let good = self.dynamics.acceleration_held(self.parameters, q, v, &instant, signs, &mut work.accel[slot]);
+        let good = self
+            .dynamics
+            .acceleration_held(Here { parameters: self.parameters, q, v, at: &instant, signs }, &mut work.accel[slot]);
         work.inputs = inputs;
         good
     }
@@ -77,7 +79,8 @@ impl<D: Dynamics + ?Sized> Flow<'_, D> {
         let instant = self.instant(time, &mut inputs);
         let Work { y, next, signs, accel, .. } = work;
         let (q, v) = (if attempted { &next[..2 * n] } else { &y[..2 * n] }).split_at(n);
-        let held = HeldSigns { dynamics: self.dynamics, parameters: self.parameters, q, v, at: &instant };
+        let here = Here { parameters: self.parameters, q, v, at: &instant, signs: &[] };
+        let held = HeldSigns { dynamics: self.dynamics, here };
         let good = held.solve(signs, s, accel);
         let found = signs[s];
         work.inputs = inputs;
@@ -219,18 +222,16 @@ impl<D: Dynamics + ?Sized> Flow<'_, D> {
     }
 }
 
-/// A system at a state, the signs of its switches held.
+/// A system at a state whose signs are tried.
 pub(super) struct HeldSigns<'a, D: ?Sized> {
     pub dynamics: &'a D,
-    pub parameters: &'a [f64],
-    pub q: &'a [f64],
-    pub v: &'a [f64],
-    pub at: &'a Instant<'a>,
+    /// Where; its own signs are not looked at.
+    pub here: Here<'a>,
 }
 
 impl<D: Dynamics + ?Sized> HeldSigns<'_, D> {
     fn acceleration(&self, signs: &[f64], out: &mut [f64]) -> bool {
-        self.dynamics.acceleration_held(self.parameters, self.q, self.v, self.at, signs, out)
+        self.dynamics.acceleration_held(Here { signs, ..self.here }, out)
     }
 
     /// ∂a/∂sign of a switch into `accel[0]`; w·∂a/∂sign, or None where the sign does not move it.
@@ -263,7 +264,7 @@ impl<D: Dynamics + ?Sized> HeldSigns<'_, D> {
     pub fn constrain(&self, partials: &mut [f64], signs: &mut [f64], s: usize, accel: &mut [Vec<f64>; 3]) -> bool {
         let weights = &self.dynamics.switches()[s];
         let Some(gain) = self.by_sign(signs, s, accel) else { return false };
-        let width = partials.len() / self.q.len().max(1);
+        let width = partials.len() / self.here.q.len().max(1);
         let [by, ..] = accel;
         for c in 0..width {
             let change: f64 = weights.iter().enumerate().map(|(i, w)| w * partials[i * width + c]).sum::<f64>() / gain;

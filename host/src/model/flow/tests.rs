@@ -11,16 +11,6 @@ impl Block {
     }
 }
 
-fn sign(x: f64) -> f64 {
-    if x > 0.0 {
-        1.0
-    } else if x < 0.0 {
-        -1.0
-    } else {
-        0.0
-    }
-}
-
 impl Dynamics for Block {
     fn degrees_of_freedom(&self) -> usize {
         1
@@ -28,19 +18,18 @@ impl Dynamics for Block {
     fn parameter_count(&self) -> usize {
         4
     }
-    fn acceleration(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
-        self.acceleration_held(p, q, v, at, &[sign(v[0])], out)
-    }
     fn switches(&self) -> &[Vec<f64>] {
         &self.0
     }
-    fn acceleration_held(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, s: &[f64], out: &mut [f64]) -> bool {
+    fn acceleration_held(&self, here: Here<'_>, out: &mut [f64]) -> bool {
+        let Here { parameters: p, q, v, at, signs: s } = here;
         out[0] = -p[0] * q[0] - p[1] * v[0] - p[2] * s[0] + p[3] * at.tau.cos();
         out[0].is_finite()
     }
-    fn partials_held(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, s: &[f64], out: &mut [f64]) -> bool {
-        out.copy_from_slice(&[-p[0], -p[1], -q[0], -v[0], -s[0], at.tau.cos()]);
-        true
+    fn linearise_held(&self, here: Here<'_>, out: Linearisation<'_>) -> bool {
+        let Here { parameters: p, q, v, at, signs: s } = here;
+        out.partials.copy_from_slice(&[-p[0], -p[1], -q[0], -v[0], -s[0], at.tau.cos()]);
+        self.acceleration_held(here, out.acceleration)
     }
 }
 

@@ -27,7 +27,7 @@ use std::sync::Arc;
 pub use self::linear_systems::solve;
 use self::memories::{hidden, remembered, state_rate, with_rates};
 use super::ModelFile;
-use super::expression::{Function, Node, Symbol, add, as_number, subtract, symbol};
+use super::expression::{Node, Symbol, add, as_number, subtract, symbol};
 use super::memory::Memory;
 use super::split::{Entry, Split};
 use super::tape::Tape;
@@ -166,13 +166,6 @@ impl EquationsOfMotion {
         out.extend_from_slice(&of_model[n..]);
         out.extend(own);
         out
-    }
-
-    /// Signs of the rates' forms, then turns of those of the coordinates.
-    fn signs(&self, q: &[f64], v: &[f64]) -> Vec<f64> {
-        let of = |w: &[f64], x: &[f64]| -> f64 { w.iter().zip(x).map(|(a, b)| a * b).sum() };
-        let signs = self.switches.iter().map(|w| Function::Sign.value(of(w, v)));
-        signs.chain(self.seams.iter().map(|w| turns(of(w, q)))).collect()
     }
 }
 

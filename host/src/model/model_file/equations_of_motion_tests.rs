@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use super::*;
-use crate::model::dynamics::{Dynamics, Instant};
-use crate::model::model_file::expression::{add, call, multiply, number, power_whole, symbol};
+use crate::model::dynamics::{Dynamics, Here, Instant, Linearisation, differences};
+use crate::model::model_file::expression::{Function, add, call, multiply, number, power_whole, symbol};
 
 /// The double pendulum's accelerations satisfy its equations, coefficient by coefficient.
 #[test]
@@ -62,28 +62,17 @@ terms = { h = "x''*sin(y)", g = "sin(y)", e = "sign(2*y' - 2*x')" }
     let (q, v) = ([0.7, 2.1], [2.0, -3.0]);
     let at = Instant { time: 0.0, tau: 0.0, inputs: &[5.0] };
     let mut analytic = vec![0.0; 2 * 11];
-    assert!(motion.partials(&p, &q, &v, &at, &mut analytic));
-    struct Plain<'a>(&'a EquationsOfMotion);
-    impl Dynamics for Plain<'_> {
-        fn degrees_of_freedom(&self) -> usize {
-            2
-        }
-        fn parameter_count(&self) -> usize {
-            7
-        }
-        fn acceleration(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
-            self.0.acceleration(p, q, v, at, out)
-        }
-    }
-    let mut differences = vec![0.0; 2 * 11];
-    assert!(Plain(&motion).partials(&p, &q, &v, &at, &mut differences));
-    for (a, d) in analytic.iter().zip(&differences) {
-        assert!((a - d).abs() < 1e-6 * (1.0 + a.abs()), "{analytic:?} {differences:?}");
+    let here = Here { parameters: &p, q: &q, v: &v, at: &at, signs: &motion.signs(&q, &v) };
+    assert!(motion.linearise_held(here, Linearisation { acceleration: &mut [0.0; 2], partials: &mut analytic }));
+    let mut near = vec![0.0; 2 * 11];
+    assert!(differences(&motion, here, &mut near));
+    for (a, d) in analytic.iter().zip(&near) {
+        assert!((a - d).abs() < 1e-6 * (1.0 + a.abs()), "{analytic:?} {near:?}");
     }
     // The held sign enters linearly.
     let accel = |sign: f64| {
         let mut out = [0.0; 2];
-        assert!(motion.acceleration_held(&p, &q, &v, &at, &[sign], &mut out));
+        assert!(motion.acceleration_held(Here { signs: &[sign], ..here }, &mut out));
         out
     };
     let (a, b, c) = (accel(-1.0), accel(0.0), accel(1.0));
@@ -125,7 +114,8 @@ terms = { h = "x''*cos(y)", g = "sin(y)" }
     let second = found[1] + p[2] * found[0] * cos + p[3] * q[1].sin() + p[4] * force;
     assert!(first.abs() < 1e-11 && second.abs() < 1e-11, "{first:e} {second:e}");
     let mut analytic = vec![0.0; 2 * 9];
-    assert!(motion.partials(&p, &q, &v, &at, &mut analytic));
+    let here = Here { parameters: &p, q: &q, v: &v, at: &at, signs: &motion.signs(&q, &v) };
+    assert!(motion.linearise_held(here, Linearisation { acceleration: &mut [0.0; 2], partials: &mut analytic }));
     for k in 0..9 {
         let arguments = [&q[..], &v, &p].concat();
         let moved = |by: f64| {

@@ -193,7 +193,8 @@ impl Tape {
         self.block::<ABREAST>(columns, 0..count, false, registers.room(self.operations.len(), ABREAST));
     }
 
-    /// Values of every expression at a range of `count` points, two fewer than 128 at most, with their neighbours where these matter: [`Tape::output`] shows them from the place that is
+    /// Values of every expression at a range of `count` points, two fewer than 128 at most, with
+    /// their neighbours where these matter: [`Tape::output`] shows them from the place that is
     /// returned.
     pub fn among(&self, columns: &[&[f64]], points: Range<usize>, count: usize, registers: &mut Registers) -> usize {
         let halo = usize::from(self.signs);

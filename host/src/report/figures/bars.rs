@@ -23,9 +23,9 @@ fn names(bars: &[Bar]) -> Axis {
     Axis { ticks: Some(ticks), ..Axis::linear("").range(-0.6, bars.len().max(1) as f64 - 0.4) }
 }
 
-/// Points with intervals about a reference value.
-pub fn intervals(caption: &str, label: &str, reference: f64, bars: &[Bar]) -> Figure {
-    let mut panel = Panel::new("", names(bars), Axis::linear(label));
+/// What was found over what is true, with intervals, about 1.
+pub fn found_over_true(caption: &str, bars: &[Bar]) -> Figure {
+    let mut panel = Panel::new("", names(bars), Axis::linear("found / true"));
     let mut series = Series::new(
         "",
         Shape::Intervals,
@@ -35,7 +35,7 @@ pub fn intervals(caption: &str, label: &str, reference: f64, bars: &[Bar]) -> Fi
     series.low = bars.iter().map(|b| b.low).collect();
     series.high = bars.iter().map(|b| b.high).collect();
     panel.series.push(series);
-    panel.rules.push(Rule { vertical: false, at: reference, label: String::new() });
+    panel.rules.push(Rule { vertical: false, at: 1.0, label: String::new() });
     Figure::draw(caption, &Layout { height: 240.0, ..Layout::default() }, &[panel])
 }
 
@@ -66,7 +66,7 @@ mod tests {
             Bar { name: "B_{11}".into(), value: 1.01, low: 0.99, high: 1.03 },
             Bar { name: "C_{2}".into(), value: 0.9, low: 0.7, high: 1.1 },
         ];
-        let figure = intervals("found over true", "found / true", 1.0, &some);
+        let figure = found_over_true("found over true", &some);
         assert!(figure.svg.contains("B<tspan") && figure.csv.lines().nth(2) == Some("1,0.9,0.7,1.1"), "{}", figure.csv);
         assert!(bars("b", Axis::linear("energy / %"), &some).svg.contains("<rect"));
         assert!(dots("d", Axis::log("relative error / %"), &some).svg.contains("M"));

@@ -28,7 +28,7 @@ pub fn response(caption: &str, label: &str, responses: &[Response]) -> Figure {
     magnitude.shares_x = true;
     for r in responses {
         let shape = if r.measured { Shape::Dots } else { Shape::Line };
-        let wrapped = r.phase.iter().map(|p| crate::inspect::motion::wrap(*p)).collect();
+        let wrapped = r.phase.iter().map(|p| crate::signal::angles::wrap(*p)).collect();
         magnitude.series.push(Series::new(r.name.clone(), shape, r.frequency_hz.clone(), r.magnitude.clone()));
         phase.series.push(Series::new(r.name.clone(), Shape::Dots, r.frequency_hz.clone(), wrapped));
     }

@@ -112,7 +112,7 @@ pub(super) fn one(body: &mut Html, table: &ParameterTable) {
                 }
             })
             .collect();
-        body.figure(&bars::intervals("Found over true, with 95 % intervals.", "found / true", 1.0, &bars));
+        body.figure(&bars::found_over_true("Found over true, with 95 % intervals.", &bars));
     } else {
         let bars: Vec<Bar> = table
             .parameters

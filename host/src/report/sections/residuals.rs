@@ -2,37 +2,14 @@
 
 use serde::Serialize;
 
-use crate::report::figures::residuals::{Residuals, residuals};
-use crate::report::format::{count, percent};
+use crate::report::figures::residuals::{EquationResiduals, residuals};
+use crate::report::format::percent;
 use crate::report::html::{Align, Html};
 use crate::report::{Results, SectionKind};
-
-/// One equation's residuals as an identification returns them.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
-pub struct EquationResiduals {
-    /// Title, such as `equation 1`.
-    pub title: String,
-    /// Symbol of the predicted quantity, `q_{1}` (`_{…}` is a subscript).
-    pub symbol: String,
-    /// Unit; empty or `1` for none.
-    pub unit: String,
-    /// Predictions A λ.
-    pub predicted: Vec<f64>,
-    /// Residuals A λ − q.
-    pub residual: Vec<f64>,
-    /// Whether each was used; all were where this is empty.
-    pub used: Vec<bool>,
-    /// ε.
-    pub error: f64,
-}
 
 /// Residuals of an identification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct ResidualSet {
-    /// Heading; may be empty.
-    pub heading: String,
-    /// What one dot is, in the plural: `sub-harmonics`, `windows`.
-    pub dots: String,
     /// The equations.
     pub equations: Vec<EquationResiduals>,
 }
@@ -43,39 +20,13 @@ pub const SECTION: SectionKind = SectionKind { id: "residuals", title: "Residual
 fn render(results: &Results) -> Option<Html> {
     let mut body = Html::new();
     for set in results.all::<ResidualSet>().filter(|s| !s.equations.is_empty()) {
-        if !set.heading.is_empty() {
-            body.heading(&set.heading);
-        }
-        let panels: Vec<Residuals> = set
-            .equations
-            .iter()
-            .map(|e| Residuals {
-                title: e.title.clone(),
-                symbol: e.symbol.clone(),
-                unit: e.unit.clone(),
-                predicted: e.predicted.clone(),
-                residual: e.residual.clone(),
-                used: e.used.clone(),
-            })
-            .collect();
-        let caption = format!("Residual against prediction; the dots are {}.", set.dots);
-        body.figure(&residuals(&caption, &panels));
-        let rows: Vec<Vec<Html>> = set
-            .equations
-            .iter()
-            .map(|e| {
-                let dropped = e.used.iter().filter(|u| !**u).count();
-                let text = |s: String| Html::text(&s);
-                let used = count((e.predicted.len() - dropped.min(e.predicted.len())) as u64);
-                vec![Html::text(&e.title), text(used), text(count(dropped as u64)), text(percent(e.error, 3))]
-            })
-            .collect();
-        let head = |t: &str, a| (Html::text(t), a);
+        let caption = "Residual against prediction; the dots are sub-harmonics of a window.";
+        body.figure(&residuals(caption, &set.equations));
+        let row = |e: &EquationResiduals| vec![Html::text(&e.title), Html::text(&percent(e.error, 3))];
+        let rows: Vec<Vec<Html>> = set.equations.iter().map(row).collect();
         body.table(
             &[
-                head("", Align::Left),
-                head("used", Align::Right),
-                head("dropped", Align::Right),
+                (Html::text(""), Align::Left),
                 (Html("ε = ‖<i>e</i>‖<sub>∞</sub> / ‖<i>q̂</i>‖<sub>∞</sub>".to_owned()), Align::Right),
             ],
             &rows,
@@ -89,17 +40,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn error_and_dropped_equations_are_told() {
+    fn errors_are_told_beside_the_dots() {
         let mut results = Results::new();
         results.add(ResidualSet {
-            heading: String::new(),
-            dots: "sub-harmonics".into(),
             equations: vec![EquationResiduals {
                 title: "equation 2".into(),
                 symbol: "q_{2}".into(),
                 predicted: vec![1.0, -2.0],
                 residual: vec![0.1, 0.2],
-                used: vec![true, false],
                 error: 0.094,
                 ..EquationResiduals::default()
             }],

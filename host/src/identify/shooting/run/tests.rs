@@ -3,7 +3,7 @@ use core::f64::consts::TAU;
 use super::*;
 use crate::identify::shooting::track::{Geometry, MeasuredStretch, cut};
 use crate::identify::shooting::zeros::Zeros;
-use crate::model::dynamics::Instant;
+use crate::model::dynamics::{Here, Linearisation};
 use crate::model::flow::{Flow, Outside, Work};
 
 /// q̈ = −c q̇ + a q − b q³ + F cos τ: Duffing's oscillator between two wells, chaotic at these
@@ -18,14 +18,16 @@ impl Dynamics for Duffing {
     fn parameter_count(&self) -> usize {
         4
     }
-    fn acceleration(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
+    fn acceleration_held(&self, Here { parameters: p, q, v, at, .. }: Here<'_>, out: &mut [f64]) -> bool {
         out[0] = -p[0] * v[0] + p[1] * q[0] - p[2] * q[0].powi(3) + p[3] * at.tau.cos();
         out[0].is_finite()
     }
-    fn partials(&self, p: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
+    fn linearise_held(&self, here: Here<'_>, out: Linearisation<'_>) -> bool {
+        let Here { parameters: p, q, v, at, .. } = here;
         let cube = q[0].powi(3);
-        out.copy_from_slice(&[p[1] - 3.0 * p[2] * q[0] * q[0], -p[0], -v[0], q[0], -cube, at.tau.cos()]);
-        true
+        let partials = [p[1] - 3.0 * p[2] * q[0] * q[0], -p[0], -v[0], q[0], -cube, at.tau.cos()];
+        out.partials.copy_from_slice(&partials);
+        self.acceleration_held(here, out.acceleration)
     }
 }
 

@@ -6,7 +6,7 @@ use super::super::expression::Symbol;
 use super::super::split::Entry;
 use super::super::tape::Tape;
 use super::{EquationsOfMotion, solve, wrapped};
-use crate::model::dynamics::{Dynamics, Instant, Linearisation};
+use crate::model::dynamics::{Dynamics, Here, Linearisation, differences};
 
 /// Most passes in which accelerations inside functions are found, and the share of their size to
 /// which they stand still.
@@ -22,16 +22,6 @@ struct Scratch {
     slopes: Vec<f64>,
     matrix: Vec<f64>,
     next: Vec<f64>,
-}
-
-/// What accelerations are functions of.
-#[derive(Clone, Copy)]
-struct Here<'a> {
-    parameters: &'a [f64],
-    q: &'a [f64],
-    v: &'a [f64],
-    at: &'a Instant<'a>,
-    signs: &'a [f64],
 }
 
 thread_local! {
@@ -158,14 +148,6 @@ impl Dynamics for EquationsOfMotion {
         self.coefficients.len()
     }
 
-    fn acceleration(&self, parameters: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
-        self.acceleration_held(parameters, q, v, at, &self.signs(q, v), out)
-    }
-
-    fn partials(&self, parameters: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
-        self.partials_held(parameters, q, v, at, &self.signs(q, v), out)
-    }
-
     fn switches(&self) -> &[Vec<f64>] {
         &self.switches
     }
@@ -174,73 +156,20 @@ impl Dynamics for EquationsOfMotion {
         &self.seams
     }
 
-    fn acceleration_held(
-        &self,
-        parameters: &[f64],
-        q: &[f64],
-        v: &[f64],
-        at: &Instant<'_>,
-        signs: &[f64],
-        out: &mut [f64],
-    ) -> bool {
-        SCRATCH.with_borrow_mut(|s| self.evaluate(s, Here { parameters, q, v, at, signs }, out))
-    }
-
-    fn partials_held(
-        &self,
-        parameters: &[f64],
-        q: &[f64],
-        v: &[f64],
-        at: &Instant<'_>,
-        signs: &[f64],
-        out: &mut [f64],
-    ) -> bool {
-        let mut accelerations = vec![0.0; self.circle.len()];
-        if let Some(done) = self.slopes(Here { parameters, q, v, at, signs }, &mut accelerations, out) {
-            return done;
-        }
-        // Hats have corners: central differences with the signs held.
-        let n = self.circle.len();
-        let width = 2 * n + self.coefficients.len();
-        let mut arguments: Vec<f64> = [q, v, parameters].concat();
-        let (mut ahead, mut behind) = (vec![0.0; n], vec![0.0; n]);
-        for k in 0..width {
-            let kept = arguments[k];
-            let step = 1e-6 * kept.abs().max(1.0);
-            let mut at_step = |value: f64, to: &mut [f64]| {
-                arguments[k] = value;
-                let (q, rest) = arguments.split_at(n);
-                let (v, p) = rest.split_at(n);
-                self.acceleration_held(p, q, v, at, signs, to)
-            };
-            let exists = at_step(kept + step, &mut ahead) && at_step(kept - step, &mut behind);
-            arguments[k] = kept;
-            if !exists {
-                return false;
-            }
-            (0..n).for_each(|i| out[i * width + k] = (ahead[i] - behind[i]) / (2.0 * step));
-        }
-        true
+    fn acceleration_held(&self, here: Here<'_>, out: &mut [f64]) -> bool {
+        SCRATCH.with_borrow_mut(|s| self.evaluate(s, here, out))
     }
 
     fn takes_states_alone(&self) -> bool {
         self.slopes.is_some()
     }
 
-    fn linearise_held(
-        &self,
-        parameters: &[f64],
-        q: &[f64],
-        v: &[f64],
-        at: &Instant<'_>,
-        signs: &[f64],
-        out: Linearisation<'_>,
-    ) -> bool {
+    fn linearise_held(&self, here: Here<'_>, out: Linearisation<'_>) -> bool {
         let Linearisation { acceleration, partials } = out;
-        if let Some(done) = self.slopes(Here { parameters, q, v, at, signs }, acceleration, partials) {
+        if let Some(done) = self.slopes(here, acceleration, partials) {
             return done;
         }
-        self.acceleration_held(parameters, q, v, at, signs, acceleration)
-            && self.partials_held(parameters, q, v, at, signs, partials)
+        // Hats have corners: central differences with the signs held.
+        self.acceleration_held(here, acceleration) && differences(self, here, partials)
     }
 }

@@ -21,14 +21,11 @@ use crate::effects::put_in;
 use crate::error::{BadInput, Result};
 use crate::model::integrate::{Outside, Settings, solve};
 use crate::record::Column;
-use crate::record::values::write_values;
-use crate::rig::Rig;
+use crate::record::values::{column, write_values};
 use crate::rig::measures::ObservedModel;
+use crate::rig::{MOST_SAMPLES, Rig, check_seconds};
 use crate::signal::band_limited::BandLimited;
 
-/// Longest simulated record, s, and most samples.
-const LONGEST_S: f64 = 86_400.0;
-const MOST_SAMPLES: f64 = 2e7;
 /// Error of one step.
 const TOLERANCE: f64 = 1e-10;
 /// Steps within one sampling interval at most: how finely reversals under dry friction are placed.
@@ -84,10 +81,7 @@ impl Outside for Surroundings {
 /// A plant that is missing or cannot be integrated, seconds out of range.
 pub fn columns(rig: &Rig, bound: &ObservedModel, effects: &[String], seconds: f64, seed: u64) -> Result<Vec<Column>> {
     let rate = rig.sample_rate_hz;
-    if !(seconds > 0.0 && seconds <= LONGEST_S && seconds * rate <= MOST_SAMPLES) {
-        let most = LONGEST_S.min(MOST_SAMPLES / rate);
-        return Err(BadInput::new(seconds.to_string(), format!("seconds above 0, at most {most}")).at("--seconds"));
-    }
+    check_seconds(seconds, rate, MOST_SAMPLES)?;
     let model = &*bound.model;
     let plant = Plant::of(rig, model, seconds, seed)?;
     let span = Span { start_s: 0.0, length_s: seconds };
@@ -143,16 +137,9 @@ pub fn columns(rig: &Rig, bound: &ObservedModel, effects: &[String], seconds: f6
         .map(|(k, c)| {
             rng.set_stream(k as u64);
             let shown: Vec<f64> = match bound.inputs.iter().position(|&i| i == k) {
-                Some(input) if bound.base == Some(input) && c.unit != "m/s2" => {
-                    return Err(BadInput::new(
-                        format!("unit \"{}\"", c.unit),
-                        "unit \"m/s2\" for a base that is simulated",
-                    )
-                    .in_file(&rig.path)
-                    .at(format!("channel \"{}\"", c.name))
-                    .remedy("[plant] gives the base's acceleration, of which no position is written"));
-                }
                 Some(input) => {
+                    let remedy = "[plant] gives the base's acceleration, of which no position is written";
+                    bound.refuse_base_position(rig, input, remedy)?;
                     recorded(&surroundings, input, model.inputs.len(), &of(&put_in.records, input), step, count)
                 }
                 None => {
@@ -162,12 +149,7 @@ pub fn columns(rig: &Rig, bound: &ObservedModel, effects: &[String], seconds: f6
             };
             let scale = c.scale();
             let noisy = shown.into_iter().map(|x| x / scale + plant.noise[k] * gauss(&mut rng));
-            if c.unit != "count" {
-                return Ok(Column::Values(noisy.collect()));
-            }
-            let counts: Option<Vec<i32>> =
-                noisy.map(|x| Some(x.floor()).filter(|x| x.abs() < f64::from(i32::MAX)).map(|x| x as i32)).collect();
-            counts.map(Column::Counts).ok_or_else(|| {
+            column(c, noisy).ok_or_else(|| {
                 BadInput::new("an angle beyond 32 bits of counts", "fewer turns").in_file(&rig.path).at("[plant]")
             })
         })

@@ -1,63 +1,36 @@
-//! Places in a record from which the model is followed: pieces for prediction horizons, states
-//! along extracted orbits.
+//! How far a model follows a record, and what it does in the long run, beside the record.
 
 use core::f64::consts::TAU;
 
 use indicatif::ProgressBar;
 
-use super::horizon::{FIT_PERIODS, Horizon, LONGEST_PERIODS, horizon};
+use super::horizon::{Horizon, horizon};
 use super::identified_equations::IdentifiedEquations;
 use super::{ExponentComparison, HorizonComparison, OrbitComparison, Orbits, Pair, Settings};
-use crate::identify::shooting::problem::{Piece, Problem};
 use crate::identify::stretches::Stretch;
-use crate::identify::track::Track;
-use crate::model::dynamics::Dynamics;
 use crate::model::flow::{Flow, Inputs, Outside};
+use crate::motion::starts::{FIT_PERIODS, LONGEST_PERIODS, Pace, RecordTrack, Starts};
 use crate::phase_space::model_exponent;
 use crate::phase_space::orbit_refinement::{RefinedOrbit, refine};
 use crate::phase_space::survey::PhaseSpace;
 use crate::report::format::{shortest, significant};
 
-/// Steps of integration a drive period.
-const STEPS: f64 = 50.0;
 /// Share of the span by which a coordinate on a line may be off where an angle may be off by a
 /// turn: 30° are a twelfth of both.
 const TURN_DEG: f64 = 360.0;
 
-/// Pieces in which a step of integration is sought, and the share of what a sensor shows to which
-/// solutions over the fit are exact.
-const MOST_SEARCHED: usize = 12;
-const EXACT: f64 = 1e-4;
-/// Steps that the search begins with, as shares of what it is given (see
-/// [`crate::identify::shooting::run::integration_step`]).
-const SEARCHED: f64 = 20.0;
-/// By how much at most a step is made finer: 122 predictions of 60 periods must end in some
-/// seconds.
-const MOST_FINER: f64 = 16.0;
-
-/// What is the same for all starts.
-pub struct Starts<'a> {
+/// What is the same for all comparisons.
+pub struct Comparisons<'a> {
+    /// Where the model is followed from.
+    pub starts: Starts<'a>,
     /// The model's equations.
     pub equations: &'a IdentifiedEquations,
     /// Which coordinates are angles.
     pub circle: Vec<bool>,
-    /// Drive's period and frequency.
-    pub pace: Pace,
     /// Choices.
     pub settings: &'a Settings,
     /// By how much each sensor's prediction may be off, in its unit.
     tolerance: Vec<f64>,
-    /// Step of integration, s.
-    pub step_s: f64,
-}
-
-/// The time scales of a motion.
-#[derive(Clone, Copy)]
-pub struct Pace {
-    /// Period of the drive, or what stands for it, s.
-    pub period_s: f64,
-    /// Angular frequency of the drive, rad/s; 0 for none.
-    pub omega: f64,
 }
 
 /// Where the model begins to follow a stretch.
@@ -70,16 +43,7 @@ pub struct Beginning<'a> {
     pub state: Vec<f64>,
 }
 
-/// A record on its axis of time.
-#[derive(Clone, Copy)]
-pub struct RecordTrack<'a> {
-    /// Its stretches.
-    pub stretches: &'a [Stretch],
-    /// They as one track.
-    pub track: &'a Track<'a>,
-}
-
-impl<'a> Starts<'a> {
+impl<'a> Comparisons<'a> {
     /// For a model on a record. `circle`: which coordinates are angles.
     pub fn new(
         equations: &'a IdentifiedEquations,
@@ -98,55 +62,14 @@ impl<'a> Starts<'a> {
                 settings.tolerance_deg / TURN_DEG * span
             })
             .collect();
-        let mut out = Self { equations, circle, pace, settings, tolerance, step_s: pace.period_s / STEPS };
-        if pace.omega == 0.0 {
-            // Nothing says how fast a system of its own moves: found from the beginnings of some
-            // pieces.
-            let (pieces, guesses) = out.pieces(record);
-            let every = pieces.len().div_ceil(MOST_SEARCHED).max(1);
-            let values = out.samples(FIT_PERIODS, record.track) * record.track.sensors.len();
-            let head = |p: &Piece| Piece { measured: p.measured[..values.min(p.measured.len())].to_vec(), ..*p };
-            let heads: Vec<Piece> = pieces.iter().step_by(every).map(head).collect();
-            let guesses: Vec<Vec<f64>> = guesses.into_iter().step_by(every).collect();
-            if !heads.is_empty() {
-                // The search begins at a twentieth of what it is given: at the step that a drive of
-                // this period would have.
-                let (longest, of) = (out.step_s, &*equations.dynamics);
-                let (searched, values) = (SEARCHED * longest, &equations.parameters);
-                let found = record.track.step_s(of, &heads, &guesses, values, searched, EXACT);
-                out.step_s = found.max(longest / MOST_FINER).min(longest);
-            }
-        }
-        out
-    }
-
-    fn problem<'b>(
-        &'b self,
-        track: &'b Track<'_>,
-        at: &'b (dyn Fn(f64, &mut [f64]) + Sync),
-    ) -> Problem<'b, dyn Dynamics> {
-        track.problem(&*self.equations.dynamics, self.step_s, at)
-    }
-
-    fn samples(&self, periods: f64, track: &Track<'_>) -> usize {
-        (periods * self.pace.period_s / track.spacing_s).round() as usize
+        let starts = Starts::new(&*equations.dynamics, &equations.parameters, record, pace, settings.starts);
+        Self { starts, equations, circle, settings, tolerance }
     }
 
     /// Where the model follows the longest stretch.
     pub fn longest_stretch<'b>(&self, record: RecordTrack<'b>) -> Option<Beginning<'b>> {
         let (index, stretch) = record.stretches.iter().enumerate().max_by_key(|(_, s)| s.len())?;
-        Some(Beginning { stretch, index, state: self.first_state(record, index)? })
-    }
-
-    /// The state at the first sample of a stretch, fitted to its first periods.
-    pub fn first_state(&self, record: RecordTrack<'_>, stretch: usize) -> Option<Vec<f64>> {
-        let at = |t: f64, out: &mut [f64]| record.track.inputs(t, out);
-        let problem = self.problem(record.track, &at);
-        let fit = self.samples(FIT_PERIODS, record.track).min(record.track.samples(stretch));
-        let (piece, guess) = record.track.piece(stretch, 0, fit)?;
-        let levels = [self.samples(1.0, record.track).min(fit), fit];
-        let parameters = &self.equations.parameters;
-        problem.fit_state(&piece, &guess, parameters, &levels, &mut problem.room(false)).map(|f| f.0)
+        Some(Beginning { stretch, index, state: self.starts.first_state(record, index)? })
     }
 
     /// What acts from outside along a stretch, and its first time on the axis.
@@ -159,29 +82,7 @@ impl<'a> Starts<'a> {
         let first = record.track.piece(stretch, 0, record.track.samples(stretch).min(16))?.0;
         let count = record.stretches[stretch].inputs.len();
         let inputs = (count > 0).then_some(Inputs { count, at });
-        Some(Outside { origin: first.start_s, tau: first.tau, omega: self.pace.omega, inputs })
-    }
-
-    /// Pieces for horizons, evenly over the record.
-    fn pieces(&self, record: RecordTrack<'_>) -> (Vec<Piece>, Vec<Vec<f64>>) {
-        let track = record.track;
-        let (fit, longest) = (self.samples(FIT_PERIODS, track), self.samples(FIT_PERIODS + LONGEST_PERIODS, track));
-        // A start needs room for more than its fit.
-        let least = fit + (longest - fit) / 4;
-        let lengths: Vec<usize> = (0..record.stretches.len()).map(|k| track.samples(k)).collect();
-        let room: Vec<usize> = lengths.iter().map(|n| n.saturating_sub(least)).collect();
-        let all: usize = room.iter().sum();
-        let every = (all / self.settings.starts).max(self.samples(1.0, track)).max(1);
-        let mut out = (Vec::new(), Vec::new());
-        for (k, room) in room.into_iter().enumerate() {
-            for first in (0..room).step_by(every) {
-                if let Some((piece, guess)) = track.piece(k, first, longest.min(lengths[k] - first)) {
-                    out.0.push(piece);
-                    out.1.push(guess);
-                }
-            }
-        }
-        out
+        Some(Outside { origin: first.start_s, tau: first.tau, omega: self.starts.pace.omega, inputs })
     }
 
     /// Horizons on the record and on the model's own.
@@ -193,17 +94,17 @@ impl<'a> Starts<'a> {
     ) -> HorizonComparison {
         let run = |record: RecordTrack<'_>| -> Horizon {
             let at = |t: f64, out: &mut [f64]| record.track.inputs(t, out);
-            let problem = self.problem(record.track, &at);
-            let levels = [self.samples(1.0, record.track), self.samples(FIT_PERIODS, record.track)];
-            let (pieces, guesses) = self.pieces(record);
+            let problem = self.starts.problem(record.track, &at);
+            let levels = [1.0, FIT_PERIODS].map(|periods| self.starts.samples(periods, record.track));
+            let (pieces, guesses) = self.starts.pieces(record);
             bar.inc_length(pieces.len() as u64);
             horizon(&problem, &pieces, &guesses, &self.equations.parameters, &levels, &self.tolerance, bar)
         };
         HorizonComparison {
             tolerance_deg: self.settings.tolerance_deg,
             within: self.within(),
-            fit_s: FIT_PERIODS * self.pace.period_s,
-            longest_s: LONGEST_PERIODS * self.pace.period_s,
+            fit_s: FIT_PERIODS * self.starts.pace.period_s,
+            longest_s: LONGEST_PERIODS * self.starts.pace.period_s,
             measured: run(measured),
             simulated: run(simulated),
             median_lyapunov_times: None,
@@ -222,13 +123,12 @@ impl<'a> Starts<'a> {
     }
 
     /// The largest exponent of the driven model along a stretch, from its variational equations,
-    /// with
-    /// those of the two records. None for a free system.
+    /// with those of the two records. None for a free system.
     pub fn exponent(&self, stretch: &Stretch, state: &[f64], records: Option<Pair>) -> Option<ExponentComparison> {
-        let Pace { period_s, omega } = self.pace;
+        let Pace { period_s, omega } = self.starts.pace;
         let (of, start_s) = (&*self.equations.dynamics, stretch.start_s);
         let outside = Outside::drive(start_s, stretch.tau(0), omega);
-        let flow = Flow::new(of, &self.equations.parameters, outside, self.step_s);
+        let flow = Flow::new(of, &self.equations.parameters, outside, self.starts.step_s);
         let is_driven = omega > 0.0;
         let follow = || model_exponent::of_model(&flow, of, &mut state.to_vec(), start_s, period_s, 100, 3000);
         let found = is_driven.then(follow)??;
@@ -281,13 +181,13 @@ impl<'a> Starts<'a> {
         let (k, stretch) = record.stretches.iter().enumerate().find(|(_, s)| within(s))?;
         let first = ((start_s - stretch.start_s) / track.spacing_s).round() as usize;
         let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
-        let problem = self.problem(track, &at);
+        let problem = self.starts.problem(track, &at);
         let mut work = problem.room(false);
-        let one = self.samples(1.0, track);
+        let one = self.starts.samples(1.0, track);
         let mut offset = vec![0.0; self.circle.len()];
         let mut guess = Vec::with_capacity(period);
         for j in 0..period {
-            let here = first + self.samples(j as f64, track);
+            let here = first + self.starts.samples(j as f64, track);
             if here + one > stretch.len() {
                 return None;
             }
@@ -303,10 +203,10 @@ impl<'a> Starts<'a> {
             }
             guess.push(state);
         }
-        let outside = Outside::drive(stretch.time(first), stretch.tau(first), self.pace.omega);
+        let outside = Outside::drive(stretch.time(first), stretch.tau(first), self.starts.pace.omega);
         let of = &*self.equations.dynamics;
-        let flow = Flow::new(of, parameters, outside, self.step_s);
-        refine(&flow, of, &self.circle, &guess, stretch.time(first), self.pace.period_s)
+        let flow = Flow::new(of, parameters, outside, self.starts.step_s);
+        refine(&flow, of, &self.circle, &guess, stretch.time(first), self.starts.pace.period_s)
     }
 }
 
