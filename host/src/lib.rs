@@ -32,3 +32,4 @@ pub mod system;
 pub mod terminal_view;
 pub mod validate;
 pub mod warning;
+pub mod wording;

@@ -7,10 +7,10 @@ use whirl_shared::excitation::WHOLE;
 use super::drive::Target;
 use crate::error::{BadInput, Result, plain};
 use crate::record::{DeviceBoot, DeviceLine};
-use crate::report::format::rounded;
 use crate::rig::Rig;
 use crate::rig::measures::BASE;
 use crate::warning::Warning;
+use crate::wording::format::rounded;
 
 /// Greatest relative difference of the device's sampling rate from the rig file's.
 const RATE_TOLERANCE: f64 = 1e-4;

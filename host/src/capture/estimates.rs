@@ -17,10 +17,10 @@ use crate::error::{BadInput, Result};
 use crate::model::double_pendulum::DEFAULT_DAMPINGS;
 use crate::model::parameter::Parameter;
 use crate::record::sealed_line::seal;
-use crate::report::format::{Z95, plus_minus};
 use crate::rig::measures::BASE;
 use crate::rig::{Direction, Rig};
 use crate::system::library::Pendulum;
+use crate::wording::format::{Z95, plus_minus};
 
 /// Whether an estimate can be had.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]

@@ -21,9 +21,9 @@ use super::drive::Target;
 use super::journal::{self, End, Journal, Start, Terms};
 use super::recorder::{Event, Recorder};
 use crate::error::{BadInput, Result, plain};
-use crate::report::format::shell_word;
 use crate::rig::Rig;
 use crate::warning::Warning;
+use crate::wording::format::shell_word;
 
 /// Options of the command that a continuation must have too, beside source, rig file and record.
 pub(super) fn options(settings: &CaptureSettings) -> Vec<String> {

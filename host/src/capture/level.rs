@@ -22,9 +22,9 @@ use super::drive::Target;
 use super::excite::words;
 use crate::error::{BadInput, Result};
 use crate::record::Level;
-use crate::report::format::rounded;
 use crate::rig::Rig;
 use crate::rig::measures::BASE;
+use crate::wording::format::rounded;
 
 /// Fewest samples of a fit, and fewest fits of a mean.
 const FEWEST: u32 = 16;

@@ -16,8 +16,8 @@ use whirl_shared::regressor::NAMES;
 
 use super::estimates::DeviceEstimate;
 use crate::error::{BadInput, Result};
-use crate::report::format::{Z95, duration, significant};
 use crate::warning::Warning;
+use crate::wording::format::{Z95, duration, significant};
 
 /// Precision above which nothing is said of the time left, as a share: the value is hardly told
 /// from 0.
@@ -52,7 +52,7 @@ impl std::str::FromStr for Until {
 
 impl core::fmt::Display for Until {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
-        write!(f, "{}={}%", self.name, crate::report::format::shortest(100.0 * self.share))
+        write!(f, "{}={}%", self.name, crate::wording::format::shortest(100.0 * self.share))
     }
 }
 

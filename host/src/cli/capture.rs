@@ -18,9 +18,9 @@ use crate::capture::precision::Until;
 use crate::capture::sim::Simulated;
 use crate::capture::{CaptureOutcome, CaptureSettings, Progress, run as capture};
 use crate::error::{BadInput, Result, plain};
-use crate::report::format::{count, duration};
 use crate::rig::Rig;
 use crate::terminal_view::View;
+use crate::wording::format::{count, duration};
 
 /// Arguments of `capture`.
 #[derive(Clone, Debug, Args)]

@@ -244,7 +244,7 @@ fn show(link: &Link) -> Result<Answer> {
     let mut text = heading(&from, &hello);
     text.push_str(&format!(
         "it has run for {}, since {}; the shaker is {}\n",
-        crate::report::format::duration(f64::from(status.tick) / rate),
+        crate::wording::format::duration(f64::from(status.tick) / rate),
         since(&hello),
         shaker_word(&status)
     ));

@@ -20,9 +20,9 @@ use crate::record::regression_rows::RowsRecord;
 use crate::record::{ReadOptions, Record};
 use crate::report::Results;
 use crate::report::card::Card;
-use crate::report::format::{Z95, plus_minus, significant};
 use crate::rig::Rig;
 use crate::warning::Warning;
+use crate::wording::format::{Z95, plus_minus, significant};
 
 /// Methods.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

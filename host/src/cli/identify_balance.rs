@@ -212,7 +212,7 @@ pub fn human(account: &crate::identify::harmonic_balance::account::Account) -> S
         let list: Vec<String> = account
             .before_energy_balance
             .iter()
-            .map(|(n, v)| format!("{n} {}", crate::report::format::significant(*v, 4)))
+            .map(|(n, v)| format!("{n} {}", crate::wording::format::significant(*v, 4)))
             .collect();
         let _ = writeln!(text, "dampings are the energy balance's; the harmonic balance had {}", list.join(", "));
     }

@@ -12,7 +12,7 @@ use crate::files::write_file;
 use crate::init::{Settings, draft, write};
 use crate::record::ReadOptions;
 use crate::record::formats;
-use crate::report::format::shell_word;
+use crate::wording::format::shell_word;
 
 /// Arguments of `init`.
 #[derive(Debug, Args)]

@@ -12,8 +12,8 @@ use crate::files::write_file;
 use crate::record::stream;
 use crate::reduce::forced::ResponsePoint;
 use crate::reduce::{Constraint, Force, Forced, ReduceSettings, Reduction, long, reduce};
-use crate::report::format::{percent, significant};
 use crate::report::{Report, Results};
+use crate::wording::format::{percent, significant};
 
 /// Constraints.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

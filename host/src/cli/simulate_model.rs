@@ -17,8 +17,8 @@ use crate::motion::simulation::{self, Solution};
 use crate::motion::{Effect, Motion, stand_in};
 use crate::record::values::write_values_from;
 use crate::record::{ReadOptions, Record, metadata, names};
-use crate::report::format::shortest;
 use crate::rig::{LONGEST_S, MOST_SAMPLES, Rig};
+use crate::wording::format::shortest;
 
 /// Length where neither a record nor `--seconds` says one, s.
 const SECONDS: f64 = 10.0;

@@ -11,9 +11,9 @@ use crate::identify::Parameter;
 use crate::model::identified::IdentifiedModel;
 use crate::motion::Motion;
 use crate::report::card::{Card, CardRow, GapBar};
-use crate::report::format::{Z95, plus_minus, rounded, shortest, significant};
-use crate::report::names;
 use crate::rig::Rig;
+use crate::wording::format::{Z95, plus_minus, rounded, shortest, significant};
+use crate::wording::names;
 
 /// Most candidates that were close of which it is told why they were not taken.
 const MOST_REFUSED: usize = 3;

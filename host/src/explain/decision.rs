@@ -12,7 +12,7 @@ use rayon::prelude::*;
 pub(super) use self::evidence::{Evidence, Rows};
 use super::explanation::{Ranked, Refused};
 use super::ranking::{self, Fit};
-use crate::report::format::significant;
+use crate::wording::format::significant;
 
 /// Probability of naming anything on a record in which nothing is missing, over everything that is
 /// tried.

@@ -251,6 +251,15 @@ impl Explanation {
         forecasts.chain([&mut self.gap.steps]).chain(self.simulation.iter_mut().map(|s| &mut s.steps))
     }
 
+    /// Tells what was refused, each reason once: one effect may be refused in several forms.
+    pub(super) fn refuse(&mut self, all: impl IntoIterator<Item = Refused>) {
+        for one in all {
+            if !self.refused.contains(&one) {
+                self.refused.push(one);
+            }
+        }
+    }
+
     /// Takes the step of an effect out that is gone.
     pub(super) fn forget(&mut self, gone: &str) {
         self.steps().for_each(|steps| steps.retain(|s| s.added.as_deref() != Some(gone)));

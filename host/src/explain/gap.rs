@@ -6,8 +6,8 @@ use serde::{Serialize, Serializer};
 
 use super::decidability::EXPLAINED_GAP;
 use super::engine::attractor::Attractor;
-use crate::report::format::{quantity, significant};
-use crate::report::names;
+use crate::wording::format::{quantity, significant};
+use crate::wording::names;
 
 /// One step of the gap.
 #[derive(Clone, Debug, PartialEq, Serialize)]

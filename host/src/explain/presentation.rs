@@ -6,8 +6,8 @@ use super::engine::attractor::{Attractor, TOLERANCE_DEG};
 use super::engine::residual_map::Where;
 use super::{Explanation, Step, Verdict};
 use crate::report::card::Card;
-use crate::report::format::{percent, rounded, shortest, significant};
-use crate::report::symbols::symbol_plain;
+use crate::wording::format::{percent, rounded, shortest, significant};
+use crate::wording::symbols::symbol_plain;
 
 /// The answer for people: its card first, then what it rests on.
 pub fn human(e: &Explanation, card: &Card) -> String {

@@ -7,7 +7,7 @@ use serde::{Serialize, Serializer};
 
 use super::engine::unknown::Unknown;
 use super::gap::Miss;
-use crate::report::format::{rounded, shortest, significant};
+use crate::wording::format::{rounded, shortest, significant};
 
 /// What is told of a shape that has no name.
 const NAMELESS: &str = "no effect of the list accounts for it";

@@ -3,7 +3,7 @@
 use super::Notation;
 use super::expression::Level;
 use crate::model::model_file::expression::{FUNCTIONS, Function};
-use crate::report::format::{mathml_number, shortest, significant};
+use crate::wording::format::{mathml_number, shortest, significant};
 
 /// MathML.
 pub(super) struct MathMl;
@@ -76,7 +76,7 @@ impl Notation for Text {
 
     fn power(&self, a: &str, n: &str) -> (String, Level) {
         let text = match n.trim_matches(['(', ')']).parse() {
-            Ok(whole) => format!("{a}{}", crate::report::format::superscript(whole)),
+            Ok(whole) => format!("{a}{}", crate::wording::format::superscript(whole)),
             Err(_) => format!("{a}^{n}"),
         };
         (text, Level::Power)

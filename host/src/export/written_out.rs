@@ -20,9 +20,9 @@ use crate::model::model_file::expression::{
     Expression as E, Function, Node, Symbol, call, divide, multiply, number, power_whole, subtract,
 };
 use crate::motion::{Acts, Effect, Motion};
-use crate::report::format::{Z95, mathml_number, quantity, shortest, significant, to_digits_of};
-use crate::report::names;
-use crate::report::symbols::{Mark, symbol_mathml, symbol_plain, symbol_plain_marked};
+use crate::wording::format::{Z95, mathml_number, quantity, shortest, significant, to_digits_of};
+use crate::wording::names;
+use crate::wording::symbols::{Mark, symbol_mathml, symbol_plain, symbol_plain_marked};
 
 /// A term as it stands behind its sign.
 #[derive(Clone, Debug, PartialEq, Serialize)]

@@ -12,9 +12,9 @@ use super::shooting::zeros::ZeroOffset;
 use super::{Identification, Settings, identify, shooting, slips, stopped};
 use crate::error::Result;
 use crate::record::Record;
-use crate::report::format::significant;
 use crate::rig::Rig;
 use crate::warning::Warning;
+use crate::wording::format::significant;
 
 /// Most samples that are shot over by default: some seconds of work, beyond which the weak form's
 /// errors are small as well.

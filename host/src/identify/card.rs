@@ -6,10 +6,10 @@ use super::model_file::identified_model;
 use super::presentation::method_name;
 use crate::explain::card::equations;
 use crate::report::card::{Card, CardRow};
-use crate::report::format::{Z95, count, significant};
-use crate::report::names;
-use crate::report::symbols::symbol_plain;
 use crate::rig::Rig;
+use crate::wording::format::{Z95, count, significant};
+use crate::wording::names;
+use crate::wording::symbols::symbol_plain;
 
 /// The card of an identification of a rig.
 pub fn card(result: &Identification, rig: &Rig) -> Card {

@@ -27,11 +27,11 @@ use statrs::distribution::{ContinuousCDF, FisherSnedecor};
 
 use super::{Identification, known_of_system, known_quantities};
 use crate::effects::{catalogue, kinds};
-use crate::report::format::{Z95, plus_minus, significant};
 use crate::rig::Rig;
 use crate::system::mechanism::{Coefficient, Mechanism};
 use crate::system::polynomial::Atom;
 use crate::warning::Warning;
+use crate::wording::format::{Z95, plus_minus, significant};
 
 /// Standard errors by which a sign must be wrong: by chance once in thirty thousand coefficients.
 const CLEAR: f64 = 4.0;

@@ -14,11 +14,11 @@ use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::judgement::{CHANCE, Coefficients, Ties};
 use super::known_quantities::{CONTRADICTED, time_base};
-use crate::report::format::{quantity, significant};
 use crate::rig::Rig;
 use crate::system::mechanism::Mechanism;
 use crate::system::ties::{self, Identified};
 use crate::warning::Warning;
+use crate::wording::format::{quantity, significant};
 
 /// Factor on the least misfit within which another quantity stands as well for the disagreement.
 const AS_WELL: f64 = 2.0;

@@ -19,10 +19,10 @@ use nalgebra::DVector;
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::judgement::{CHANCE, Coefficients};
-use crate::report::format::{quantity, significant};
 use crate::rig::{GRAVITY, Rig};
 use crate::system::library::Pendulum;
 use crate::warning::Warning;
+use crate::wording::format::{quantity, significant};
 
 /// Warning where something that is said to be known does not agree with the record.
 pub const CONTRADICTED: &str = "known-contradicted";

@@ -2,9 +2,9 @@
 
 use super::{ERROR_BOUND, Identification};
 use crate::report::figures::residuals::EquationResiduals;
-use crate::report::format::significant;
 use crate::report::sections::parameters::{Parameter, ParameterTable};
 use crate::report::sections::residuals::ResidualSet;
+use crate::wording::format::significant;
 
 /// χ² over its degrees of freedom above which coefficients contradict each other: by chance below
 /// 10⁻⁴ for four degrees of freedom.

@@ -15,12 +15,12 @@ use super::Identification;
 use super::judgement::{CHANCE, Coefficients};
 use super::known_quantities::coefficient;
 use crate::record::Record;
-use crate::report::format::{quantity, significant};
 use crate::rig::measures::BASE;
 use crate::rig::{GRAVITY, Rig};
 use crate::signal::spectrum::amplitude_at;
 use crate::system::library::Pendulum;
 use crate::warning::Warning;
+use crate::wording::format::{quantity, significant};
 
 /// Relative difference that is told: no shaker is told its amplitude more truly.
 const LEAST: f64 = 0.01;

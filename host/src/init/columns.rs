@@ -7,7 +7,7 @@ use super::counts::{self, Wrap};
 use super::raw::Raw;
 use crate::inspect::motion::quantisation_step;
 use crate::record::{Column, names};
-use crate::report::format::significant;
+use crate::wording::format::significant;
 
 /// Words in a name that say an angle.
 const ANGLES: [&str; 19] = [

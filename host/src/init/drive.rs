@@ -11,10 +11,10 @@ use super::columns::{Kind, Seen};
 use super::raw::{Raw, nice};
 use super::{DraftDrive, Statement};
 use crate::inspect::motion;
-use crate::report::format::significant;
 use crate::rig::Direction;
 use crate::signal::spectrum::{self, Density};
 use crate::statistics::median;
+use crate::wording::format::significant;
 
 /// Parts of a record in each of which the line must be.
 const PARTS: usize = 6;

@@ -7,8 +7,8 @@ use crate::error::{BadInput, Result};
 use crate::record::formats::{self, Listed};
 use crate::record::names::{self, TimeChoice};
 use crate::record::{Column, ReadOptions, Record};
-use crate::report::format::{count, significant};
 use crate::rig::Rig;
+use crate::wording::format::{count, significant};
 
 /// Columns that whirl's own CSV has beside the channels.
 const DEVICE: [&str; 3] = ["tick", "phase", "amplitude_nm"];

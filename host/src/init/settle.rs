@@ -14,9 +14,9 @@ use crate::error::{BadInput, Result};
 use crate::identify::suspects;
 use crate::record::Record;
 use crate::record::cut::Part;
-use crate::report::format::significant;
 use crate::rig::{Direction, Rig};
 use crate::system::library::Pendulum;
+use crate::wording::format::significant;
 
 /// Seconds that are looked at of a free system; drive periods of a driven one.
 const FREE_S: f64 = 40.0;

@@ -6,8 +6,8 @@ use super::Inspection;
 use super::coordinate::Coordinate;
 use super::motion::Space;
 use super::periodicity::Kind;
-use crate::report::format::{count, duration, fixed, quantity, shortest, significant, to_digits_of};
-use crate::report::symbols::symbol_plain;
+use crate::wording::format::{count, duration, fixed, quantity, shortest, significant, to_digits_of};
+use crate::wording::symbols::symbol_plain;
 
 /// Restarts of the device that are shown, a line each.
 const MOST_RESTARTS: usize = 10;

@@ -3,8 +3,8 @@
 use std::fmt::Write as _;
 
 use super::survey::PhaseSpace;
-use crate::report::format::{Z95, fixed, plus_minus, significant};
-use crate::report::symbols::symbol_plain;
+use crate::wording::format::{Z95, fixed, plus_minus, significant};
+use crate::wording::symbols::symbol_plain;
 
 /// Delay and dimension of each coordinate, exponent, dimension, orbits; a line each. Ends with a
 /// line break.

@@ -4,8 +4,8 @@ use std::fmt::Write as _;
 
 use super::{APART, Plan, Proposal, Separated, Setting};
 use crate::identify::Parameter;
-use crate::report::format::significant;
 use crate::statistics::Z95;
+use crate::wording::format::significant;
 
 /// Length below which times are not told, s.
 const SIMULATED_S: f64 = 20.0;

@@ -3,8 +3,8 @@
 use std::path::Path;
 
 use crate::error::{BadInput, Result};
-use crate::report::format::shortest;
 use crate::rig::{Rig, UNKNOWN_RATE};
+use crate::wording::format::shortest;
 
 /// Greatest relative difference between the record's sampling rate and the rig file's.
 const RATE_TOLERANCE: f64 = 0.005;

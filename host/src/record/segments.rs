@@ -11,10 +11,10 @@ use std::sync::Arc;
 use super::rows::{DeviceColumns, Rows};
 use super::{Column, Losses, Metadata, Record, Segment, rate, time_fit, unwrap};
 use crate::error::{BadInput, Result};
-use crate::report::format::rounded;
 use crate::rig::{Channel, Rig, UNKNOWN_RATE};
 use crate::suspects::{self, Numbering};
 use crate::warning::Warning;
+use crate::wording::format::rounded;
 
 /// Rms deviation of `t` from an even clock, in steps, from which a warning is given.
 const JITTER_WARNING: f64 = 0.05;

@@ -10,13 +10,13 @@ use super::figures::Figure;
 use super::figures::axis::Axis;
 use super::figures::palette::MEASURED;
 use super::figures::panel::{Layout, Panel, Rule, Series, Shape};
-use super::format::{Z95, plus_minus, significant};
 use super::html::{Align, Html, escape};
-use super::names;
-use super::symbols::{symbol_plain, symbol_svg};
 use crate::explain::engine::compared::Compared;
 use crate::export::written_out::{WrittenEquation, WrittenOut, WrittenTerm};
 use crate::identify::Parameter;
+use crate::wording::format::{Z95, plus_minus, significant};
+use crate::wording::names;
+use crate::wording::symbols::{symbol_plain, symbol_svg};
 
 /// Widest line of an equation in a terminal, characters.
 const WIDE: usize = 100;

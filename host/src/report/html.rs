@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+pub use crate::wording::symbols::escape;
+
 /// HTML that may be written as it is.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Html(pub(crate) String);
@@ -10,25 +12,6 @@ impl fmt::Display for Html {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.0)
     }
-}
-
-/// Escapes the five characters that HTML gives a meaning to, and drops control characters that no
-/// document may hold.
-pub fn escape(text: &str) -> String {
-    let mut out = String::with_capacity(text.len());
-    for c in text.chars() {
-        match c {
-            '&' => out.push_str("&amp;"),
-            '<' => out.push_str("&lt;"),
-            '>' => out.push_str("&gt;"),
-            '"' => out.push_str("&quot;"),
-            '\'' => out.push_str("&#39;"),
-            '\n' | '\t' => out.push(c),
-            c if c.is_control() => out.push('\u{fffd}'),
-            c => out.push(c),
-        }
-    }
-    out
 }
 
 /// How a column of a table is set.
@@ -51,9 +34,9 @@ impl Html {
         Self(escape(text))
     }
 
-    /// A parameter's symbol, see [`super::symbols::symbol_html`].
+    /// A parameter's symbol, see [`crate::wording::symbols::symbol_html`].
     pub fn symbol(name: &str) -> Self {
-        Self(super::symbols::symbol_html(name))
+        Self(crate::wording::symbols::symbol_html(name))
     }
 
     /// Appends another piece.

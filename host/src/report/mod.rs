@@ -8,11 +8,8 @@
 
 pub mod card;
 pub mod figures;
-pub mod format;
 pub mod html;
-pub mod names;
 pub mod sections;
-pub mod symbols;
 
 use std::any::Any;
 use std::path::Path;

@@ -22,8 +22,8 @@ use serde::Serialize;
 use crate::error::{BadInput, Result};
 use crate::report::figures::canvas::Panel;
 use crate::report::figures::scatter::scatter;
-use crate::report::format::significant;
 use crate::report::html::{Align, Html};
+use crate::wording::format::significant;
 
 /// A table or figure that can be reproduced.
 pub struct Item {

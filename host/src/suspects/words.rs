@@ -13,9 +13,9 @@ use super::sorting::Event;
 use super::stuck_bit::{self, Stuck};
 use super::trace::Trace;
 use crate::record::Record;
-use crate::report::format::rounded;
 use crate::rig::Rig;
 use crate::warning::Warning;
+use crate::wording::format::rounded;
 
 /// Rows that are listed as numbers.
 const MOST: usize = 100;

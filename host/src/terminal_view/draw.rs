@@ -8,7 +8,7 @@ use ratatui::widgets::{Block, Paragraph, Wrap};
 
 use super::scene::{Page, Scene};
 use super::{light_page, motion_page};
-use crate::report::format::{duration, fixed};
+use crate::wording::format::{duration, fixed};
 
 /// Smallest terminal in which the view is drawn.
 pub(super) const SMALLEST: (u16, u16) = (80, 24);

@@ -10,7 +10,7 @@ use super::draw::{strong, titled};
 use super::first_light::judged;
 use super::scene::{Arm, Scene, degrees};
 use crate::record::device_boot::zero_word;
-use crate::report::format::fixed;
+use crate::wording::format::fixed;
 
 /// Draws the page.
 pub(super) fn draw(frame: &mut Frame<'_>, area: Rect, scene: &Scene) {

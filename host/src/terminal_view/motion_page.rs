@@ -10,7 +10,7 @@ use ratatui::widgets::{Axis, Chart, Dataset, GraphType, Paragraph, Wrap};
 use super::draw::{WIDE, titled};
 use super::panels;
 use super::scene::{Arm, Scene};
-use crate::report::format::{count, shortest};
+use crate::wording::format::{count, shortest};
 
 /// An arm that goes beyond this, degrees, is shown on the whole turn.
 const WHOLE_FROM: f64 = 50.0;

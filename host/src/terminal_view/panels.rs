@@ -11,7 +11,7 @@ use super::scene::Scene;
 use crate::capture::estimates::Status as Known;
 use crate::error::plain;
 use crate::model::parameter::Parameter;
-use crate::report::format::{Z95, count, fixed, plus_minus, shortest, significant};
+use crate::wording::format::{Z95, count, fixed, plus_minus, shortest, significant};
 
 /// Says why no motion is shown, where there is none.
 pub(super) fn no_samples(frame: &mut Frame<'_>, area: Rect, scene: &Scene) -> bool {

@@ -12,9 +12,9 @@ use whirl_shared::frame::{Hello, MOST_ENCODERS, Status};
 
 use super::first_light::Turning;
 use crate::capture::feed::{Seen, SeenSample, Standing};
-use crate::report::symbols::symbol_plain;
 use crate::rig::Rig;
 use crate::rig::measures::BASE;
+use crate::wording::symbols::symbol_plain;
 
 /// Longest stretch of time that can be shown, s.
 pub(super) const LONGEST_S: f64 = 20.0;

@@ -4,9 +4,9 @@ use super::{Validation, Verdict};
 use crate::explain::card::equations;
 use crate::model::identified::IdentifiedModel;
 use crate::report::card::{Card, CardRow};
-use crate::report::format::significant;
-use crate::report::names;
 use crate::rig::Rig;
+use crate::wording::format::significant;
+use crate::wording::names;
 
 /// The card of a validation of a model on a rig.
 pub fn card(v: &Validation, model: &IdentifiedModel, rig: &Rig) -> Card {

@@ -13,7 +13,7 @@ use crate::motion::starts::{FIT_PERIODS, LONGEST_PERIODS, Pace, RecordTrack, Sta
 use crate::phase_space::model_exponent;
 use crate::phase_space::orbit_refinement::{RefinedOrbit, refine};
 use crate::phase_space::survey::PhaseSpace;
-use crate::report::format::{shortest, significant};
+use crate::wording::format::{shortest, significant};
 
 /// Share of the span by which a coordinate on a line may be off where an angle may be off by a
 /// turn: 30° are a twelfth of both.

@@ -3,7 +3,7 @@
 use std::fmt::Write;
 
 use super::{Validation, Verdict};
-use crate::report::format::{Z95, fixed, plus_minus, significant};
+use crate::wording::format::{Z95, fixed, plus_minus, significant};
 
 /// The answer for people.
 pub fn human(v: &Validation) -> String {

@@ -11,10 +11,10 @@ use crate::batch::table::Table;
 use crate::cli::Answer;
 use crate::cli::output::Output;
 use crate::error::Result;
-use crate::report::format::{Z95, duration, plus_minus, significant};
 use crate::report::html::{Align, Html};
 use crate::report::{Report, Section};
 use crate::warning::Warning;
+use crate::wording::format::{Z95, duration, plus_minus, significant};
 
 /// Records that are told of one by one in the terminal.
 const MOST: usize = 10;

@@ -112,7 +112,7 @@ impl Run<'_> {
                         search.refuse(refused.as_ref(), exchanged);
                     }
                     if !self.setting.shooting {
-                        self.told.result.refused.extend(core::mem::take(&mut search.refused));
+                        self.told.result.refuse(core::mem::take(&mut search.refused));
                         return Ok(before.outcome);
                     }
                     before.outcome
@@ -149,7 +149,7 @@ impl Run<'_> {
             return Some(outcome);
         }
         let next = choose(&self.setting, &self.told.state, &outcome, search, &mut self.told.result);
-        self.told.result.refused.extend(search.refused.iter().cloned());
+        self.told.result.refuse(search.refused.iter().cloned());
         let next = next.or_else(|| self.tone(search, &outcome));
         let Some((found, candidate)) = next else { return Some(outcome) };
         let promised = found.held_out_gain;
@@ -237,7 +237,7 @@ impl Run<'_> {
             let refused = Refused::new(&gone, why);
             // It is not tried again beside whatever takes its place.
             search.tried.extend([gone.clone(), gone.clone()]);
-            self.told.result.refused.push(refused.clone());
+            self.told.result.refuse([refused.clone()]);
             search.refused.push(refused);
             self.told.state.stretches = self.told.state.taken_off(&self.setting, &self.setting.raw);
             let candidates = offered::candidates(&self.setting, &self.told.state);

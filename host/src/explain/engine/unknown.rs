@@ -28,11 +28,11 @@ use crate::effects::places::Place;
 use crate::explain::ranking::{self, Fit};
 use crate::identify::jackknife::widening;
 use crate::model::model_file::expression::{Expression, Node, Symbol, multiply, number, subtract};
-use crate::report::format::significant;
 use crate::statistics::Z95;
 use crate::system::derivative::partial;
 use crate::system::mechanism::at;
 use crate::system::polynomial::{Atom, Polynomial};
+use crate::wording::format::significant;
 
 /// Grid points of an angle and of a velocity.
 const POINTS: usize = 17;

@@ -22,8 +22,8 @@ use super::solve::{Bounds, ShootingFit, Start, minimise};
 use crate::error::BadInput;
 use crate::identify::regression::REPEATING;
 use crate::model::dynamics::Dynamics;
-use crate::report::format::significant;
 use crate::statistics::median;
+use crate::wording::format::significant;
 
 /// Most pieces of the first two levels.
 const FEW: usize = 96;

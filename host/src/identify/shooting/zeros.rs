@@ -17,11 +17,11 @@ use super::covariance;
 use super::run::{Failure, Outcome};
 use crate::identify::prepared::Prepared;
 use crate::model::dynamics::{Dynamics, Instant};
-use crate::report::format::{Z95, plus_minus};
-use crate::report::names::listed;
 use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
 use crate::warning::Warning;
+use crate::wording::format::{Z95, plus_minus};
+use crate::wording::names::listed;
 
 /// Widening of a standard error that zeros may cost: a record longer by a tenth makes up for it.
 const DEAR: f64 = 1.05;

@@ -10,12 +10,12 @@
 use super::arrow::{CLEAR, NamedCoefficient, feeds, inertia};
 use crate::model::model_file::expression::Symbol;
 use crate::model::model_file::{Equation, ModelFile};
-use crate::report::format::{Z95, plus_minus};
 use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
 use crate::system::mechanism::{Coefficient, Mechanism};
 use crate::system::polynomial::Atom;
 use crate::warning::Warning;
+use crate::wording::format::{Z95, plus_minus};
 
 /// An input and the coefficient that shows it.
 struct Reversed<'a> {

@@ -6,9 +6,9 @@ use super::find::Finding;
 use super::hypotheses::channels;
 use super::scene::{Misfit, Scene};
 use super::undo::Undo;
-use crate::report::format::{Z95, plus_minus, shortest, significant};
 use crate::rig::Channel;
 use crate::warning::Warning;
+use crate::wording::format::{Z95, plus_minus, shortest, significant};
 
 /// Standard errors from which a lag is said to grow.
 const GROWS: f64 = 5.0;

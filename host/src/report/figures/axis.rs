@@ -2,7 +2,7 @@
 
 use std::f64::consts::PI;
 
-use crate::report::format;
+use crate::wording::format;
 
 /// How values are laid along an axis.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

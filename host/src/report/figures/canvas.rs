@@ -9,7 +9,7 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use super::axis::Fixed;
 pub use super::panel::{Layout, Panel, Rule, Series, Shape};
 use super::{compact, palette};
-use crate::report::format;
+use crate::wording::format;
 
 /// Units a CSS pixel at full width.
 const U: f64 = 2.0;

@@ -67,7 +67,7 @@ impl Figure {
             subscripts(&escape(&self.caption)),
             file_name(&self.caption),
             percent_encoded(&self.csv),
-            super::format::count(self.rows as u64),
+            crate::wording::format::count(self.rows as u64),
         )
     }
 }

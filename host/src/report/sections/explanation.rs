@@ -7,10 +7,10 @@ use crate::explain::{Explanation, Found, Ranked};
 use crate::report::figures::Figure;
 use crate::report::figures::axis::Axis;
 use crate::report::figures::panel::{Layout, Panel, Rule, Series, Shape};
-use crate::report::format::{Z95, percent, plus_minus, significant};
 use crate::report::html::{Align, Html};
-use crate::report::names;
 use crate::report::{Results, SectionKind};
+use crate::wording::format::{Z95, percent, plus_minus, significant};
+use crate::wording::names;
 
 /// Registration.
 pub const SECTION: SectionKind = SectionKind { id: "explanation", title: "What the answer rests on", render };

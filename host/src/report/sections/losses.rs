@@ -1,9 +1,9 @@
 //! Every sample that is missing, by cause, and every gap.
 
 use crate::inspect::Inspection;
-use crate::report::format::{count, duration, significant};
 use crate::report::html::{Align, Html};
 use crate::report::{Results, SectionKind};
+use crate::wording::format::{count, duration, significant};
 
 /// Most gaps listed.
 const MOST: usize = 20;

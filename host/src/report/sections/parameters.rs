@@ -4,10 +4,10 @@ use serde::Serialize;
 
 use crate::report::figures::axis::Axis;
 use crate::report::figures::bars::{self, Bar};
-use crate::report::format::{Z95, fixed, plus_minus, significant, to_digits_of};
 use crate::report::html::{Align, Html};
-use crate::report::symbols::symbol_svg;
 use crate::report::{Results, SectionKind};
+use crate::wording::format::{Z95, fixed, plus_minus, significant, to_digits_of};
+use crate::wording::symbols::symbol_svg;
 
 /// One parameter.
 #[derive(Clone, Debug, PartialEq, Serialize)]

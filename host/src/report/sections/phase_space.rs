@@ -7,10 +7,10 @@ use crate::report::figures::axis::Axis;
 use crate::report::figures::canvas::{Panel, Rule, Series, Shape};
 use crate::report::figures::lines::lines;
 use crate::report::figures::scatter::scatter;
-use crate::report::format::{Z95, fixed, plus_minus, significant};
 use crate::report::html::{Align, Html};
-use crate::report::symbols::{symbol_plain, symbol_svg};
 use crate::report::{Results, SectionKind};
+use crate::wording::format::{Z95, fixed, plus_minus, significant};
+use crate::wording::symbols::{symbol_plain, symbol_svg};
 
 /// Registration.
 pub const SECTION: SectionKind = SectionKind { id: "phase-space", title: "Phase space", render };

@@ -7,8 +7,8 @@ use crate::report::figures::axis::Axis;
 use crate::report::figures::canvas::{Panel, Series, Shape};
 use crate::report::figures::scatter::scatter;
 use crate::report::html::Html;
-use crate::report::symbols::symbol_svg;
 use crate::report::{Results, SectionKind};
+use crate::wording::symbols::symbol_svg;
 
 /// Registration.
 pub const SECTION: SectionKind = SectionKind { id: "portraits", title: "Phase portraits", render };

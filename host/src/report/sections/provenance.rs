@@ -4,9 +4,9 @@ use serde::Serialize;
 
 use crate::explain::ledger::checksum;
 use crate::record::Record;
-use crate::report::format::count;
 use crate::report::html::Html;
 use crate::report::{Results, SectionKind};
+use crate::wording::format::count;
 
 /// What an answer was made from. No date: the same input gives the same bytes.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

@@ -3,9 +3,9 @@
 use crate::inspect::Inspection;
 use crate::inspect::coordinate::Coordinate;
 use crate::inspect::text::{drive, motion, range};
-use crate::report::format::{count, duration, fixed, quantity, shortest, significant};
 use crate::report::html::{Align, Html};
 use crate::report::{Results, SectionKind};
+use crate::wording::format::{count, duration, fixed, quantity, shortest, significant};
 
 /// Registration.
 pub const SECTION: SectionKind = SectionKind { id: "record", title: "Record", render };

@@ -8,9 +8,9 @@ use crate::report::figures::bars::{Bar, bars, dots};
 use crate::report::figures::canvas::{Panel, Series, Shape};
 use crate::report::figures::lines::lines;
 use crate::report::figures::scatter::scatter;
-use crate::report::format::{fixed, percent, significant};
 use crate::report::html::{Align, Html};
 use crate::report::{Results, SectionKind};
+use crate::wording::format::{fixed, percent, significant};
 
 /// Registration.
 pub const SECTION: SectionKind = SectionKind { id: "reduction", title: "Reduced-order model", render };

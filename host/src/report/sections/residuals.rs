@@ -3,9 +3,9 @@
 use serde::Serialize;
 
 use crate::report::figures::residuals::{EquationResiduals, residuals};
-use crate::report::format::percent;
 use crate::report::html::{Align, Html};
 use crate::report::{Results, SectionKind};
+use crate::wording::format::percent;
 
 /// Residuals of an identification.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

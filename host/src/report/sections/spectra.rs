@@ -5,10 +5,10 @@ use crate::inspect::coordinate::{Coordinate, Spectrum};
 use crate::report::figures::axis::Axis;
 use crate::report::figures::canvas::{Panel, Rule, Series, Shape};
 use crate::report::figures::lines::lines;
-use crate::report::format::{fixed, significant, to_digits_of};
 use crate::report::html::{Align, Html};
-use crate::report::symbols::symbol_svg;
 use crate::report::{Results, SectionKind};
+use crate::wording::format::{fixed, significant, to_digits_of};
+use crate::wording::symbols::symbol_svg;
 
 /// Registration.
 pub const SECTION: SectionKind = SectionKind { id: "spectra", title: "Spectra", render };

@@ -6,12 +6,12 @@ use crate::phase_space::poincare_section::Section;
 use crate::report::figures::axis::Axis;
 use crate::report::figures::panel::{Panel, Series, Shape};
 use crate::report::figures::scatter::scatter;
-use crate::report::format::{Z95, fixed, percent, plus_minus, significant};
 use crate::report::html::{Align, Html};
-use crate::report::symbols::symbol_svg;
 use crate::report::{Results, SectionKind};
 use crate::validate::horizon::Horizon;
 use crate::validate::{Bifurcation, Orbits, Pair, Validation, Verdict};
+use crate::wording::format::{Z95, fixed, percent, plus_minus, significant};
+use crate::wording::symbols::symbol_svg;
 
 /// Registration.
 pub const SECTION: SectionKind =

@@ -3,7 +3,24 @@
 
 use std::fmt::Write as _;
 
-use super::html::escape;
+/// Escapes the five characters that HTML gives a meaning to, and drops control characters that no
+/// document may hold.
+pub fn escape(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in text.chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            '\n' | '\t' => out.push(c),
+            c if c.is_control() => out.push('\u{fffd}'),
+            c => out.push(c),
+        }
+    }
+    out
+}
 
 /// A symbol with its subscript: `theta1` → (θ, 1), `B11` → (B, 11), `J_o1` → (J, o1), `m1e1` → (m,
 /// 1), (e, 1).

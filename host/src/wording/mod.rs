@@ -1,0 +1,11 @@
+//! Numbers, names and symbols for people, as every command, message and report writes them.
+//!
+//! | file | what |
+//! |---|---|
+//! | [`format`] | digits that the uncertainty warrants, SI units, powers of ten |
+//! | [`names`] | plain names of effects and parameters |
+//! | [`symbols`] | Greek letters, subscripts, derivatives: plain, HTML, SVG, MathML |
+
+pub mod format;
+pub mod names;
+pub mod symbols;
