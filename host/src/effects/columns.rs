@@ -172,7 +172,7 @@ pub fn action(
             remembering(entry, &words, form, work(mechanism, &law, &on, own))
         }
         (Place::Arm(k), Verb::Force) => {
-            let Body::Arm { angle: Some(angle), .. } = &file.bodies[k].value else { return Ok(None) };
+            let Some(angle) = file.bodies[k].value.angle() else { return Ok(None) };
             let Ok(rate) = by_time(angle, n, omega) else { return Ok(None) };
             words.scalars.push(("omega".to_owned(), rate));
             let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };

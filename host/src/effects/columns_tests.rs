@@ -301,3 +301,19 @@ fn a_state_multiplies_what_stands_beside_it() {
         assert!(wanted != 0.0 && (with - wanted).abs() < 1e-12 * wanted.abs(), "equation {e}: {with} {wanted}");
     }
 }
+
+/// A rotor that hangs on nothing turns as well: drag at 50 times the load's rate is 50³ of its own.
+#[test]
+fn a_body_that_only_turns_is_an_arm() {
+    let text = library::text("geared-motor").unwrap();
+    let model = library::read("geared-motor", text).unwrap().model(None, OMEGA).unwrap();
+    let mechanism = model.mechanism.as_deref().unwrap();
+    let drag = catalogue().iter().find(|e| e.id == "quadratic-drag").unwrap();
+    let p = vec![1.0; mechanism.parameters.len()];
+    let value = |body: usize| {
+        let found = action(drag, &Vec::new(), Place::Arm(body), mechanism, &p, OMEGA, SPAN).unwrap().unwrap();
+        let Action::Force(parts) = found else { panic!("{}", drag.law) };
+        columns(&parts, 1, mechanism, &p)[0][0].1.value(&|s| if s == Symbol::Rate(0) { -0.3 } else { f64::NAN })
+    };
+    assert!((value(1) / value(0) / 125_000.0 - 1.0).abs() < 1e-12 && value(0) != 0.0, "{} {}", value(0), value(1));
+}

@@ -134,8 +134,10 @@ pub fn of(entry: &Entry, file: &SystemFile, bound: &ObservedModel) -> Vec<Place>
             .map(|(i, j)| Place::Between(i, j))
             .collect(),
         At::Arm => (0..file.bodies.len())
-            .filter(|&k| matches!(&file.bodies[k].value, Body::Arm { angle: Some(_), .. }))
-            // Arms of written equations are angles only.
+            .filter(|&k| file.bodies[k].value.angle().is_some())
+            // What turns a centroid, or acts along a line, has a line from an end; arms of written
+            // equations are angles only.
+            .filter(|&k| entry.verb == Verb::Force || matches!(&file.bodies[k].value, Body::Arm { .. }))
             .filter(|_| entry.verb != Verb::Drags || !file.written)
             .map(Place::Arm)
             .collect(),
@@ -185,10 +187,7 @@ pub fn equation(place: Place, mechanism: &Mechanism) -> Option<(usize, Polynomia
     let file = mechanism.file.as_deref()?;
     let moves = match place {
         Place::Joint(_) | Place::Between(..) => place.moves(file)?,
-        Place::Arm(k) => match &file.bodies[k].value {
-            Body::Arm { angle: Some(angle), .. } => angle.clone(),
-            _ => return None,
-        },
+        Place::Arm(k) => file.bodies[k].value.angle()?.clone(),
         _ => return None,
     };
     let coordinate = (0..file.coordinates.len()).rev().find(|k| moves.moves(|s| s == Symbol::Coordinate(*k)))?;

@@ -47,6 +47,16 @@ pub enum Body {
     },
 }
 
+impl Body {
+    /// The angle by which it turns in the plane, where it does.
+    pub fn angle(&self) -> Option<&Polynomial> {
+        match self {
+            Self::Arm { angle, .. } => angle.as_ref(),
+            Self::Free { turns, .. } => turns.as_ref().map(|(angle, _)| angle),
+        }
+    }
+}
+
 /// Reads the bodies.
 ///
 /// # Errors

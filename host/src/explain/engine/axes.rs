@@ -4,7 +4,6 @@
 use super::setting::Setting;
 use crate::effects::places::{self, Place};
 use crate::model::model_file::expression::{Function, Node, Symbol, call, symbol};
-use crate::system::bodies::Body;
 use crate::system::derivative::by_time;
 use crate::system::polynomial::Polynomial;
 
@@ -52,11 +51,9 @@ pub fn places_of_forces(setting: &Setting<'_>) -> Vec<(Place, Polynomial)> {
     let Some(file) = setting.file() else { return Vec::new() };
     let joints: Vec<(Place, Polynomial)> =
         file.joints.iter().enumerate().map(|(k, j)| (Place::Joint(k), j.moves.value.clone())).collect();
-    let arms = file.bodies.iter().enumerate().filter_map(|(k, b)| match &b.value {
-        Body::Arm { angle: Some(angle), .. } if joints.iter().all(|j| j.1 != *angle) => {
-            Some((Place::Arm(k), angle.clone()))
-        }
-        _ => None,
+    let arms = file.bodies.iter().enumerate().filter_map(|(k, b)| {
+        let angle = b.value.angle().filter(|angle| joints.iter().all(|j| j.1 != **angle))?;
+        Some((Place::Arm(k), angle.clone()))
     });
     joints.iter().cloned().chain(arms).collect()
 }

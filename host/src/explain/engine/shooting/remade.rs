@@ -10,7 +10,7 @@ use nalgebra::DVector;
 use super::super::setting::Setting;
 use super::super::state::State;
 use super::course::{Course, List};
-use super::path::Path;
+use super::path::{Path, Window};
 use super::{Followed, present, signs_of};
 use crate::explain::decidability::EXCUSED;
 use crate::identify::input_noise::{Level, disturb};
@@ -51,7 +51,8 @@ fn made(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize
     state.stretches.iter().zip(&followed.paths).enumerate().map(of).collect()
 }
 
-/// Power over that of the noise in every window of a record that the model made.
+/// Power over that of the noise in every window of a record that the model made; infinite where the
+/// path is not followed under inputs that were measured again.
 fn powers(
     setting: &Setting<'_>,
     state: &State,
@@ -76,7 +77,13 @@ fn powers(
     let fitted = blocks.fit(&own)?.all;
     blocks.weigh(&blocks.misfits(&fitted));
     let fitted: DVector<f64> = blocks.fit(&own)?.all;
-    Some(blocks.misfits(&fitted).iter().map(|w| w[0]).collect())
+    let found: Vec<_> = blocks.places.iter().zip(blocks.misfits(&fitted)).collect();
+    let power = |w: &Window| {
+        let begin = followed.paths[w.stretch].first + w.first;
+        let own = found.iter().find(|(place, _)| (place.stretch, place.begin) == (w.stretch, begin));
+        own.map_or(f64::INFINITY, |(_, misfits)| misfits[0])
+    };
+    Some(all.iter().map(power).collect())
 }
 
 /// What records that the model itself makes leave.
