@@ -12,7 +12,6 @@ use super::polynomial::Polynomial;
 use super::reactions::Carried;
 use super::words::Scope;
 use crate::error::Result;
-use crate::model::model_file::Space;
 use crate::model::model_file::expression::{Function, Symbol};
 use crate::model::model_file::units::Unit;
 
@@ -131,16 +130,13 @@ impl Nominal {
     /// Unit of its strength.
     pub fn unit(&self, file: &SystemFile) -> Unit {
         let moves = &self.moves(file).value;
-        let line = file
-            .coordinates
-            .iter()
-            .enumerate()
-            .find(|(i, (c, _))| c.space == Space::Line && moves.moves(|s| s == Symbol::Coordinate(*i)));
-        let text = match (line, EFFECTS[self.effect].1) {
-            (None, "s") => "N m s",
-            (None, _) => "N m",
-            (Some(_), "s") => "N s/m",
-            (Some(_), _) => "N",
+        let slides =
+            (0..file.coordinates.len()).any(|k| !file.counts_radians(k) && moves.moves(|s| s == Symbol::Coordinate(k)));
+        let text = match (slides, EFFECTS[self.effect].1) {
+            (false, "s") => "N m s",
+            (false, _) => "N m",
+            (true, "s") => "N s/m",
+            (true, _) => "N",
         };
         Unit::parse(text).unwrap_or_default()
     }

@@ -222,6 +222,12 @@ impl Reader<'_> {
 }
 
 impl SystemFile {
+    /// Whether a coordinate is told in radians: one on the circle, or on the line in that unit.
+    pub fn counts_radians(&self, coordinate: usize) -> bool {
+        let (c, unit) = &self.coordinates[coordinate];
+        c.space == Space::Circle || unit == "rad"
+    }
+
     /// Reads a system file.
     ///
     /// # Errors

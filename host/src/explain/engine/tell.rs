@@ -20,8 +20,9 @@ use crate::identify::Parameter;
 use crate::identify::model_file::own_keys;
 use crate::identify::units::channel_units;
 use crate::model::identified::{AddedEffect, IdentifiedModel, RECORD_S, System};
-use crate::model::model_file::Space;
+use crate::model::model_file::expression::Symbol;
 use crate::model::model_file::units::{self, Unit};
+use crate::system::language::SystemFile;
 use crate::system::mechanism::at;
 use crate::system::polynomial::Polynomial;
 
@@ -84,12 +85,18 @@ fn frame(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
     }
 }
 
+/// Whether an expression of coordinates is told in radians.
+fn is_angle(file: &SystemFile, p: &Polynomial) -> bool {
+    let mut own = (0..file.coordinates.len()).filter(|k| p.moves(|s| s == Symbol::Coordinate(*k))).peekable();
+    own.peek().is_some() && own.all(|k| file.counts_radians(k))
+}
+
 /// Factor and unit of a plain force at a place.
 pub fn of_force(setting: &Setting<'_>, physical: &Physical, place: Place) -> (f64, String) {
     let Some((equation, moves)) = setting.mechanism().and_then(|m| places::equation(place, m)) else {
         return (1.0, String::new());
     };
-    let angle = setting.file().is_some_and(|f| places::is_angle(f, &moves));
+    let angle = setting.file().is_some_and(|f| is_angle(f, &moves));
     if setting.is_written() {
         let (model, omega) = (setting.model(), setting.rig.omega());
         return (written::told_by(model, omega, equation, &physical.values), balance_unit(setting, equation));
@@ -117,13 +124,10 @@ fn force(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
     if setting.is_written() && !c.entry.names(LOAD) {
         return in_its_equation(setting, physical, c, equation, &moves);
     }
-    let angle = places::is_angle(file, &moves);
+    let angle = is_angle(file, &moves);
     let work = if angle { "N m" } else { "N" };
-    let coordinates: Vec<Unit> = file
-        .coordinates
-        .iter()
-        .map(|(c, _)| Unit::of_channel(if c.space == Space::Circle { "rad" } else { "m" }))
-        .collect();
+    let unit_of = |k: usize| Unit::of_channel(if file.counts_radians(k) { "rad" } else { "m" });
+    let coordinates: Vec<Unit> = (0..file.coordinates.len()).map(unit_of).collect();
     let newton = [Unit::parse("N").unwrap_or_default()];
     // A strength's unit: that of the work over that of what it multiplies.
     let of = multiplied(&c.entry, &c.form, &moves, file.coordinates.len(), setting.rig.omega());
@@ -169,7 +173,7 @@ fn in_its_equation(
     let unit = if let (Some(_), false, Some(unit)) = (inertia, is_shape, &c.entry.unit) {
         unit.clone()
     } else if is_shape {
-        let angle = setting.file().is_some_and(|f| places::is_angle(f, moves));
+        let angle = setting.file().is_some_and(|f| is_angle(f, moves));
         if angle { "rad" } else { "m" }.to_owned()
     } else {
         multiplied(&c.entry, &c.form, moves, model.coordinates.len(), omega)

@@ -10,14 +10,16 @@ use crate::rig::measures::ObservedModel;
 use crate::warning::Warning;
 
 /// Horizon of the gap without a drive, s, and how many periods of the motion it may be at least and
-/// at most: the first is that of the measured pendulums' published figures.
+/// at most (by hand): the first is that of the measured pendulums' published figures; over a
+/// twentieth of a period, as over 0.8 s of a ship that rolls in 11, no force shows, and what is
+/// missing would be refused for bringing predictions no nearer.
 const FREE_S: f64 = 0.2;
-const FREE_PERIODS: [f64; 2] = [0.05, 20.0];
+const FREE_PERIODS: [f64; 2] = [0.125, 20.0];
 /// Most of a stretch that it takes without a drive: the gap is a mean over several.
 const MOST_OF_STRETCH: f64 = 0.1;
 
-/// Horizon of the gap where none is asked for: a drive's period; 0.2 s without one, within a
-/// twentieth and twenty of the motion's periods where these are known.
+/// Horizon of the gap where none is asked for: a drive's period; 0.2 s without one, within an
+/// eighth and twenty of the motion's periods where these are known.
 pub fn default_horizon(rig: &Rig, period_s: Option<f64>) -> f64 {
     let period_s = period_s.filter(|t| t.is_finite() && *t > 0.0);
     let free = || period_s.map_or(FREE_S, |t| FREE_S.clamp(FREE_PERIODS[0] * t, FREE_PERIODS[1] * t));

@@ -80,12 +80,14 @@ fn plain_digit(c: char) -> char {
 impl std::fmt::Display for Unit {
     /// `N s²/m`; `1` for a pure number.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        // A power that was found has more digits than anybody reads.
+        let shown = |power: f64| (1e3 * power).round() / 1e3;
+        let powers: Vec<(&str, f64)> = self.0.iter().map(|(n, p)| (n.as_str(), shown(*p))).collect();
         let write = |power: f64| -> String {
             if power == 1.0 {
                 return String::new();
             }
-            // A power that was found has more digits than anybody reads.
-            format!("{}", (1e3 * power).round() / 1e3)
+            format!("{power}")
                 .chars()
                 .map(|c| match c {
                     '0'..='9' => ['⁰', '¹', '²', '³', '⁴', '⁵', '⁶', '⁷', '⁸', '⁹'][c as usize - '0' as usize],
@@ -95,14 +97,15 @@ impl std::fmt::Display for Unit {
                 .collect()
         };
         let list = |sign: f64| -> Vec<String> {
-            self.0.iter().filter(|(_, p)| p * sign > 0.0).map(|(n, p)| format!("{n}{}", write(p * sign))).collect()
+            powers.iter().filter(|(_, p)| p * sign > 0.0).map(|(n, p)| format!("{n}{}", write(p * sign))).collect()
         };
         let (up, down) = (list(1.0), list(-1.0));
         match (up.is_empty(), down.is_empty()) {
             (true, true) => write!(f, "1"),
             (false, true) => write!(f, "{}", up.join(" ")),
             (true, false) => {
-                let all: Vec<String> = self.0.iter().map(|(n, p)| format!("{n}{}", write(*p))).collect();
+                let all: Vec<String> =
+                    powers.iter().filter(|p| p.1 != 0.0).map(|(n, p)| format!("{n}{}", write(*p))).collect();
                 write!(f, "{}", all.join(" "))
             }
             _ => write!(f, "{}/{}", up.join(" "), down.join("/")),
@@ -175,6 +178,8 @@ mod tests {
         }
         let found = Unit::second(1.0).times(&Unit::second(1.0), 0.035_419_964_527_532_2);
         assert_eq!(found.to_string(), "s¹·⁰³⁵");
+        let found = Unit::second(-1.0).times(&Unit::second(1.0), 0.999_6);
+        assert_eq!(found.to_string(), "1");
         for text in ["", "kg m^", "kg^x", "2", "/s", "m^99", "kg,m"] {
             assert_eq!(Unit::parse(text), None, "{text}");
         }
