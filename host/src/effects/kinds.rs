@@ -15,11 +15,19 @@ const POWERS: core::ops::RangeInclusive<i32> = -4..=4;
 
 /// Whether it is a force by the position of a joint, and by nothing else.
 pub fn is_of_position(entry: &Entry) -> bool {
+    is_of_position_at_most(entry) && entry.names("x")
+}
+
+/// Whether it is a force at a joint that nothing changes.
+pub fn is_constant(entry: &Entry) -> bool {
+    is_of_position_at_most(entry) && !entry.names("x")
+}
+
+fn is_of_position_at_most(entry: &Entry) -> bool {
     let other = ["v", "t", "T", "tau", LOAD];
     entry.at == At::Joint
         && entry.verb == Verb::Force
         && entry.states.is_empty()
-        && entry.names("x")
         && !other.iter().any(|word| entry.names(word))
 }
 
@@ -103,6 +111,7 @@ mod tests {
             "local-force",
         ];
         assert_eq!(ids(is_of_position), listed);
+        assert_eq!(ids(is_constant), ["constant-force"]);
         assert!(is_of_position(&own("force = \"-k*tanh(3*x)\"")) && !is_of_position(&own("force = \"-k*x*v^2\"")));
     }
 

@@ -128,7 +128,7 @@ pub fn best(
             gone: k,
             index,
             p_value: p,
-            promised: (1.0 - sum(&fit) / sum(&outcome.fit)).max(AS_LITTLE),
+            promised: promised(&outcome.candidates[index], old, 1.0 - sum(&fit) / sum(&outcome.fit)),
             share: 1.0 - sum(&fit) / sum(&neither),
             twins,
             fit,
@@ -143,6 +143,12 @@ pub fn best(
     }
     let most = |a: &Exchange, b: &Exchange| a.promised.total_cmp(&b.promised).then(a.share.total_cmp(&b.share));
     better.into_iter().max_by(most).or_else(|| simpler.into_iter().max_by(most))
+}
+
+/// What a law in the place of another promises: the share of what is left that it takes away more;
+/// where it is simpler and that is hardly anything, to leave as little.
+fn promised(new: &Candidate, old: &Candidate, share: f64) -> f64 {
+    if size(new) < size(old) && share < AS_LITTLE { -AS_LITTLE } else { share.max(AS_LITTLE) }
 }
 
 /// Whether a law refines another that has states.
@@ -167,7 +173,8 @@ fn simplest(setting: &Setting<'_>, candidates: &[Candidate], tried: Vec<Tried>) 
         let (mean, error) = ranking::gain(&t.fit.held_out, &best);
         mean <= errors * error
     };
-    let size_of = |t: &Tried| size(&candidates[t.index]);
+    // Of one size what refines nothing: beside a constant, friction of one direction is Coulomb's.
+    let size_of = |t: &Tried| (size(&candidates[t.index]), candidates[t.index].entry.refines.is_some());
     let order = |a: &&Tried, b: &&Tried| size_of(a).cmp(&size_of(b)).then(sum(&a.fit).total_cmp(&sum(&b.fit)));
     let winner = tried.iter().filter(|t| within(t, 1.0)).min_by(order)?.index;
     let name = |t: &Tried| candidates[t.index].name(setting);

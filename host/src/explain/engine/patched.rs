@@ -4,15 +4,18 @@
 //! play, a ripple. Several of them at one joint that turns are held against a free function, the
 //! harmonics up to [`ORDERS`] in their place: where that does no worse on parts of the record that
 //! were not fitted, for all that it has more to fit, nothing speaks for the pieces. From
-//! [`PATCHES`] on they are an expansion in any case.
+//! [`PATCHES`] on they are an expansion in any case: one of two and more laws with a constant force
+//! there, or an offset of the sensor that shows the joint, which moves their origin, as well.
 
 use super::Outcome;
-use super::candidates::Column;
+use super::candidates::{Candidate, Column};
 use super::setting::Setting;
 use super::state::State;
-use crate::effects::kinds::is_of_position;
+use crate::effects::kinds::{is_constant, is_of_position};
 use crate::effects::places::Place;
 use crate::explain::reason::Patch;
+use crate::model::model_file::expression::{Symbol, as_number};
+use crate::system::polynomial::Atom;
 
 /// So many of them at one joint are a series expansion of a shape, not so many causes.
 const PATCHES: usize = 3;
@@ -29,11 +32,38 @@ pub fn patched(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Optio
                 c.place == joint && is_of_position(&c.entry)
             })
             .collect();
-        let effects = pieces.iter().map(|&k| state.chosen[k].candidate.entry.id.clone()).collect();
+        let shifts = (state.nominal..state.chosen.len())
+            .filter(|&k| pieces.len() > 1 && shifts(setting, &state.chosen[k].candidate, joint));
+        let all: Vec<usize> = pieces.iter().copied().chain(shifts).collect();
         let one =
-            pieces.len() >= PATCHES || (pieces.len() > 1 && free_is_as_good(setting, state, outcome, joint, &pieces));
+            all.len() >= PATCHES || (pieces.len() > 1 && free_is_as_good(setting, state, outcome, joint, &pieces));
+        let effects = all.iter().map(|&k| state.chosen[k].candidate.entry.id.clone()).collect();
         one.then(|| Patch { joint: joint.name(file), effects })
     })
+}
+
+/// Whether an effect moves what a law of a joint's position is, up or along: a constant force there,
+/// or an offset of a sensor that shows the joint alone.
+fn shifts(setting: &Setting<'_>, c: &Candidate, joint: Place) -> bool {
+    if let Some((sensor, laws)) = c.reads() {
+        return laws.iter().all(|law| as_number(law).is_some()) && shows(setting, sensor, joint);
+    }
+    c.place == joint && is_constant(&c.entry)
+}
+
+/// Whether a sensor shows a multiple of what moves at a joint.
+fn shows(setting: &Setting<'_>, sensor: usize, joint: Place) -> bool {
+    let Some(moves) = setting.file().and_then(|file| joint.moves(file)) else { return false };
+    let at = |k: Option<usize>| {
+        moves.value(&|a| match a {
+            Atom::Motion(Symbol::Coordinate(i)) => f64::from(u8::from(Some(*i) == k)),
+            _ => 0.0,
+        })
+    };
+    let weights: Vec<[f64; 2]> =
+        (0..setting.circle.len()).map(|k| [at(Some(k)) - at(None), setting.bound.shown[(sensor, k)]]).collect();
+    let first = weights.iter().find(|w| w[0] != 0.0);
+    first.is_some_and(|f| weights.iter().all(|w| w[0] * f[1] == w[1] * f[0]) && f[1] != 0.0)
 }
 
 /// Whether harmonics in the place of the pieces predict held-out parts as well.
