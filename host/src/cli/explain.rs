@@ -26,7 +26,8 @@ use crate::warning::Warning;
 pub struct Arguments {
     #[command(flatten)]
     common: Common,
-    /// Horizon of the gap, s [default: one drive period, 0.2 s when free].
+    /// Horizon of the gap, s [default: one drive period; when free 0.2 s, within an eighth and twenty
+    /// of the motion's periods].
     #[arg(long, value_name = "S")]
     horizon: Option<f64>,
     /// Horizons at which the last 30 % of the record is predicted after fitting the first 70 %, s

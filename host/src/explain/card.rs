@@ -328,7 +328,7 @@ mod tests {
         e.reason = Reason::Patched { residual: residual(), patch };
         let told = card(&e, &rig()).verdict;
         assert!(
-            told.contains(": it took backlash, cogging to get there: one shape of joint2's angle")
+            told.contains(": it took backlash, cogging to get there: one shape of joint2's position")
                 && !told.contains("0.99"),
             "{told}"
         );

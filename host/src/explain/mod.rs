@@ -55,7 +55,8 @@ const MOST_WINDOWS: f64 = 300.0;
 /// Choices.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Settings {
-    /// Horizon of the gap, s; by default one drive period, 0.2 s when free.
+    /// Horizon of the gap, s; by default one drive period, when free 0.2 s within an eighth and
+    /// twenty of the motion's periods.
     pub horizon_s: Option<f64>,
     /// Horizons of the forecasts, s: the first 70 % of the record is fitted, the last 30 %
     /// predicted. By default 1 and 4 of the gap's, 1 and 40/3 (2.667 s) when free.

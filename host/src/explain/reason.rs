@@ -178,7 +178,7 @@ pub struct Patch {
 impl Display for Patch {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let (joint, effects) = (&self.joint, self.effects.join(", "));
-        write!(f, "it took {effects} to get there: one shape of {joint}'s angle that has no name in the list")
+        write!(f, "it took {effects} to get there: one shape of {joint}'s position that has no name in the list")
     }
 }
 

@@ -51,7 +51,7 @@ fn what_is_left_has_its_words() {
         (
             Reason::Patched { residual: residual(), patch },
             format!(
-                "{noise}, but it took backlash, cogging to get there: one shape of joint1's angle that has no name in the list"
+                "{noise}, but it took backlash, cogging to get there: one shape of joint1's position that has no name in the list"
             ),
         ),
     ] {
