@@ -1,9 +1,11 @@
 //! An effect's entry: where it acts and how, its law, strengths, shapes and states; [`read`] reads
 //! and checks them.
 
+mod beside;
 mod reading;
 
-pub use self::reading::{read, read_beside};
+pub use self::beside::read_beside;
+pub use self::reading::read;
 use super::columns::LOAD;
 use super::on_a_frame;
 use crate::model::model_file::expression::{Node, Symbol, number, symbol};

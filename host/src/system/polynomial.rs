@@ -228,9 +228,8 @@ impl Polynomial {
         Self::product(vec![(Atom::Call(f, argument), 1)], if odd { sign } else { 1.0 })
     }
 
-    /// Sums of angles as one angle, wrapped as a whole: of two angles that turn together each passes
-    /// half a turn at a time of its own. A sum is one where its weights are whole but for a common
-    /// factor, as turns of the coordinates are turns of it then.
+    /// Sums of angles as one angle, wrapped as a whole (`model_file/whole_angles.rs`), where weights
+    /// are whole but for a common factor.
     pub fn of_whole_angles(&self, is_angle: &dyn Fn(usize) -> bool) -> Self {
         let is_lone = |p: &Product| matches!(p[..], [(Atom::Motion(Symbol::Coordinate(i)), 1)] if is_angle(i));
         let least = self.terms().filter(|t| is_lone(t.0)).map(|t| t.1.abs()).fold(f64::INFINITY, f64::min);
@@ -238,10 +237,8 @@ impl Polynomial {
         for (p, c) in self.terms() {
             if is_lone(p) { angles.put(p.clone(), c / least) } else { rest.put(p.clone(), c) }
         }
-        if angles.size() < 2 || angles.terms().any(|t| t.1.fract() != 0.0) {
-            return self.clone();
-        }
-        Self::call(Function::Wrap, angles).scaled(least).plus(&rest)
+        let is_one = angles.size() > 1 && angles.terms().all(|t| t.1.fract() == 0.0);
+        if is_one { Self::call(Function::Wrap, angles).scaled(least).plus(&rest) } else { self.clone() }
     }
 
     /// Whether some atom, also inside functions, satisfies a condition.
