@@ -2,7 +2,7 @@
 //!
 //! | file | what |
 //! |---|---|
-//! | [`format`] | digits that the uncertainty warrants, SI units, powers of ten |
+//! | [`format`](mod@format) | digits that the uncertainty warrants, SI units, powers of ten |
 //! | [`names`] | plain names of effects and parameters |
 //! | [`symbols`] | Greek letters, subscripts, derivatives: plain, HTML, SVG, MathML |
 

@@ -23,7 +23,7 @@
 //! | [`tape`] | evaluation over blocks of samples |
 //! | [`basis`] | unknown functions by harmonic or interpolation basis |
 //! | [`weak_form`] | all equations as series and parts for a sampling |
-//! | [`whole_angles`] | sums of angles as one angle each |
+//! | `whole_angles` | sums of angles as one angle each |
 //! | [`split`] | terms split into what multiplies accelerations and the rest |
 //! | [`equations_of_motion`] | accelerations: [`crate::model::dynamics::Dynamics`] |
 
