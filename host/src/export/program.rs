@@ -243,7 +243,7 @@ impl<'a> Program<'a> {
 
     /// The weights of the rates whose sum's sign is held, as texts.
     pub fn switch(&self, k: usize) -> Vec<String> {
-        self.split.switches[k].iter().map(|w| self.signed(*w)).collect()
+        self.split.switches[k].weights.iter().map(|w| self.signed(*w)).collect()
     }
 
     /// A number with its sign.
@@ -258,7 +258,7 @@ impl<'a> Program<'a> {
     /// The linear form of the rates whose sign a switch is.
     pub fn form(&self, k: usize) -> String {
         let mut out = String::new();
-        for (w, c) in self.split.switches[k].iter().zip(&self.coordinates).filter(|(w, _)| **w != 0.0) {
+        for (w, c) in self.split.switches[k].weights.iter().zip(&self.coordinates).filter(|(w, _)| **w != 0.0) {
             let term = if w.abs() == 1.0 {
                 c.rate.clone()
             } else {

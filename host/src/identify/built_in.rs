@@ -177,8 +177,7 @@ mod tests {
                 // A joint's sign may stand for either sense of turning.
                 assert_eq!(compiled.switches().len(), plain.switches().len());
                 let run = |d: &dyn Dynamics| {
-                    let rate = |w: &Vec<f64>| w.iter().zip(&v).map(|(w, v)| w * v).sum::<f64>();
-                    let signs: Vec<f64> = d.switches().iter().map(|w| rate(w).signum()).collect();
+                    let signs: Vec<f64> = d.switches().iter().map(|s| s.rate(&v, &[]).signum()).collect();
                     let (mut a, mut by) = ([0.0; 2], vec![0.0; 2 * width]);
                     let out = Linearisation { acceleration: &mut a, partials: &mut by };
                     assert!(d.linearise_held(Here { parameters: &p, q: &q, v: &v, at: &at, signs: &signs }, out));

@@ -20,7 +20,7 @@
 
 use super::damping::Damping;
 use super::double_pendulum::{Base, coefficients};
-use super::dynamics::{Dynamics, Here, Linearisation};
+use super::dynamics::{Dynamics, Here, Linearisation, Switch};
 use crate::signal::sin_cos::four;
 
 /// Roles of parameters within an equation: coupling B_i1, gravity B_i2, base motion B_i3 (cosine)
@@ -42,7 +42,7 @@ pub struct DoublePendulum {
     /// Which parameter has a role in an equation; beyond all parameters where none has.
     slots: [[usize; ROLES]; 2],
     names: Vec<String>,
-    switches: Vec<Vec<f64>>,
+    switches: Vec<Switch>,
     /// Joint of each switch.
     joints: Vec<usize>,
 }
@@ -100,7 +100,8 @@ impl DoublePendulum {
         let slot = |i: usize, role: usize| roles.iter().position(|r| *r == (i, role)).unwrap_or(usize::MAX);
         let slots = core::array::from_fn(|i| core::array::from_fn(|role| slot(i, role)));
         let joints: Vec<usize> = (0..2).filter(|j| roles.iter().any(|r| r.1 == COULOMB + *j)).collect();
-        let switches = joints.iter().map(|j| if *j == 0 { vec![1.0, 0.0] } else { vec![-1.0, 1.0] }).collect();
+        let weights = |j: &usize| if *j == 0 { vec![1.0, 0.0] } else { vec![-1.0, 1.0] };
+        let switches = joints.iter().map(|j| Switch::of_rates(weights(j))).collect();
         Self { omega, roles, slots, names, switches, joints }
     }
 
@@ -222,7 +223,7 @@ impl Dynamics for DoublePendulum {
         self.roles.len()
     }
 
-    fn switches(&self) -> &[Vec<f64>] {
+    fn switches(&self) -> &[Switch] {
         &self.switches
     }
 
@@ -251,7 +252,7 @@ mod tests {
             for (q, v) in [([0.3, 2.0], [1.5, -4.0]), ([-2.0, 7.0], [-3.0, 20.0])] {
                 let n = 2 * (4 + p.len());
                 let (mut exact, mut near) = (vec![0.0; n], vec![0.0; n]);
-                let here = Here { parameters: &p, q: &q, v: &v, at: &at, signs: &d.signs(&q, &v) };
+                let here = Here { parameters: &p, q: &q, v: &v, at: &at, signs: &d.signs(&q, &v, &[]) };
                 let out = Linearisation { acceleration: &mut [0.0; 2], partials: &mut exact };
                 assert!(d.linearise_held(here, out));
                 assert!(differences(&d, here, &mut near));
@@ -266,7 +267,7 @@ mod tests {
     fn parameters_stand_in_the_order_of_the_equations() {
         let d = DoublePendulum::new(31.4, true, &[&DAMPINGS[0], &DAMPINGS[1]]);
         assert_eq!(d.names(), ["B11", "B12", "B13", "B14", "C11", "C12", "B21", "B22", "B23", "B24", "C2"]);
-        assert_eq!(d.switches(), [vec![1.0, 0.0]]);
+        assert_eq!(d.switches(), [Switch::of_rates(vec![1.0, 0.0])]);
     }
 
     #[test]

@@ -30,7 +30,8 @@ pub struct Here<'a> {
     pub v: &'a [f64],
     /// What acts from outside.
     pub at: &'a Instant<'a>,
-    /// Signs of [`Dynamics::switches`], in [−1, 1], then turns of [`Dynamics::seams`].
+    /// Signs of [`Dynamics::switches`], in [−1, 1], turns of [`Dynamics::seams`], signs of
+    /// [`Dynamics::corners`].
     pub signs: &'a [f64],
 }
 
@@ -40,6 +41,61 @@ pub struct Linearisation<'a> {
     pub acceleration: &'a mut [f64],
     /// ∂q̈, n rows of 2n + P columns (q, v, parameters), row after row.
     pub partials: &'a mut [f64],
+}
+
+/// The relative velocity of two surfaces, w·v + o + g·u, whose sign dry friction has.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Switch {
+    /// w of the rates (n).
+    pub weights: Vec<f64>,
+    /// o: minus the speed of a surface that moves steadily, in the rates' unit.
+    pub offset: f64,
+    /// g of the measured inputs, such as a belt's speed; empty without any.
+    pub inputs: Vec<f64>,
+}
+
+impl Switch {
+    /// Of surfaces that the coordinates alone move.
+    pub fn of_rates(weights: Vec<f64>) -> Self {
+        Self { weights, ..Self::default() }
+    }
+
+    /// The relative velocity.
+    pub fn rate(&self, v: &[f64], inputs: &[f64]) -> f64 {
+        dot(&self.weights, v) + (self.offset + dot(&self.inputs, inputs))
+    }
+
+    /// The relative acceleration: w·a + g·u̇.
+    pub fn acceleration(&self, a: &[f64], input_rates: &[f64]) -> f64 {
+        dot(&self.weights, a) + dot(&self.inputs, input_rates)
+    }
+}
+
+/// A position w·q + o + c·turns at whose zero a law has a corner or jumps: a clearance's end.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Corner {
+    /// w of the coordinates (n).
+    pub weights: Vec<f64>,
+    /// o, in the coordinates' unit.
+    pub offset: f64,
+    /// A seam of [`Dynamics::seams`], and what its number of turns is multiplied with.
+    pub turns: Option<(usize, f64)>,
+}
+
+impl Corner {
+    /// The position, after so many turns of each seam.
+    pub fn value(&self, q: &[f64], turns: &[f64]) -> f64 {
+        dot(&self.weights, q) + self.shift(turns)
+    }
+
+    /// What is beside the coordinates.
+    pub fn shift(&self, turns: &[f64]) -> f64 {
+        self.offset + self.turns.map_or(0.0, |(seam, c)| c * turns[seam])
+    }
+}
+
+fn dot(w: &[f64], x: &[f64]) -> f64 {
+    w.iter().zip(x).map(|(w, x)| w * x).sum()
 }
 
 /// A second-order system with parameters.
@@ -67,10 +123,9 @@ pub trait Dynamics: Sync {
         false
     }
 
-    /// Where accelerations jump: weights of linear forms in the rates, n each, on whose signs they
-    /// depend (dry friction: a joint's relative velocity). An integrator holds the signs between
-    /// the zeros of these forms. None by default.
-    fn switches(&self) -> &[Vec<f64>] {
+    /// Where accelerations jump: relative velocities on whose signs they depend (dry friction). An
+    /// integrator holds the signs between the zeros of these. None by default.
+    fn switches(&self) -> &[Switch] {
         &[]
     }
 
@@ -82,16 +137,29 @@ pub trait Dynamics: Sync {
         &[]
     }
 
-    /// Signs of the rates' forms, then turns of those of the coordinates, as the state has them.
-    fn signs(&self, q: &[f64], v: &[f64]) -> Vec<f64> {
-        let of = |w: &[f64], x: &[f64]| -> f64 { w.iter().zip(x).map(|(a, b)| a * b).sum() };
-        let signs = self.switches().iter().map(|w| Function::Sign.value(of(w, v)));
-        signs.chain(self.seams().iter().map(|w| turns(of(w, q)))).collect()
+    /// Where accelerations have a corner or jump with the position otherwise: an integrator holds the
+    /// signs between the zeros of these. None by default.
+    fn corners(&self) -> &[Corner] {
+        &[]
+    }
+
+    /// How many signs and turns are held.
+    fn held(&self) -> usize {
+        self.switches().len() + self.seams().len() + self.corners().len()
+    }
+
+    /// Signs of the switches, then turns of the seams, then signs of the corners, as the state has
+    /// them.
+    fn signs(&self, q: &[f64], v: &[f64], inputs: &[f64]) -> Vec<f64> {
+        let turned: Vec<f64> = self.seams().iter().map(|w| turns(dot(w, q))).collect();
+        let signs = self.switches().iter().map(|s| Function::Sign.value(s.rate(v, inputs)));
+        let corners = self.corners().iter().map(|c| Function::Sign.value(c.value(q, &turned)));
+        signs.chain(turned.iter().copied()).chain(corners).collect()
     }
 
     /// [`Dynamics::acceleration_held`] with the state's own signs.
     fn acceleration(&self, parameters: &[f64], q: &[f64], v: &[f64], at: &Instant<'_>, out: &mut [f64]) -> bool {
-        self.acceleration_held(Here { parameters, q, v, at, signs: &self.signs(q, v) }, out)
+        self.acceleration_held(Here { parameters, q, v, at, signs: &self.signs(q, v, at.inputs) }, out)
     }
 }
 

@@ -11,8 +11,9 @@
 //! both ends. There the sign turns, or the joint sticks where both signs drive it back: then the
 //! sign is the value in [−1, 1] that keeps its rate zero, until that leaves the interval. At such
 //! an instant derivatives jump by (a₊ − a₋) (w·δv)/(w·a₋), w·v being the rate (saltation; Filippov
-//! 1988). What jumps where an angle has made a turn ([`Dynamics::seams`]) is held in the same way;
-//! there derivatives jump by (a₊ − a₋) (w·δq)/(w·v).
+//! 1988). What jumps where an angle has made a turn ([`Dynamics::seams`]), or has a corner at a
+//! position ([`Dynamics::corners`]), is held in the same way; there derivatives jump by (a₊ − a₋)
+//! (w·δq)/(w·v).
 
 pub mod abreast;
 mod outside;
@@ -80,7 +81,7 @@ impl Work {
     fn new<D: Dynamics + ?Sized>(dynamics: &D, columns: usize, first_parameter: Option<usize>) -> Self {
         let (n, count) = (dynamics.degrees_of_freedom(), dynamics.parameter_count());
         let length = 2 * n * (1 + columns);
-        let switches = dynamics.switches().len() + dynamics.seams().len();
+        let held = dynamics.held();
         let alone = first_parameter.is_none() && dynamics.takes_states_alone();
         Self {
             n,
@@ -91,8 +92,8 @@ impl Work {
             k: core::array::from_fn(|_| vec![0.0; length]),
             partials: vec![0.0; n * (2 * n + if alone { 0 } else { count })],
             inputs: Vec::new(),
-            modes: vec![Mode::Slides(1.0); switches],
-            signs: vec![0.0; switches],
+            modes: vec![Mode::Slides(1.0); held],
+            signs: vec![0.0; held],
             accel: core::array::from_fn(|_| vec![0.0; n]),
             sample: vec![0.0; n * (1 + columns)],
         }
@@ -224,7 +225,7 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
                 }
                 core::mem::swap(&mut work.y, &mut work.next);
                 work.k.swap(0, 6);
-                self.keep_stuck(work);
+                self.keep_stuck(work, start + reached);
                 fresh = true;
                 t = reached;
                 if let Some((share, switch)) = event {
@@ -267,7 +268,7 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
         // are linear in each sign).
         let stuck = modes.contains(&Mode::Sticks);
         let here = Here { parameters: self.parameters, q, v, at: &instant, signs: &[] };
-        let held = HeldSigns { dynamics: self.dynamics, here };
+        let held = HeldSigns { flow: self, here };
         if stuck {
             for _ in 0..2 {
                 for s in 0..modes.len() {

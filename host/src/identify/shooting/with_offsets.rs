@@ -5,22 +5,27 @@
 //! with its state, and what slips did before it does not reach the parameters. Coordinates: q, then
 //! o.
 
-use crate::model::dynamics::{Dynamics, Here, Linearisation};
+use crate::model::dynamics::{Corner, Dynamics, Here, Linearisation, Switch};
 
 /// Equations with an offset of each sensor.
 pub struct WithOffsets<'a> {
     inner: &'a dyn Dynamics,
     offsets: usize,
-    switches: Vec<Vec<f64>>,
+    switches: Vec<Switch>,
     seams: Vec<Vec<f64>>,
+    corners: Vec<Corner>,
 }
 
 impl<'a> WithOffsets<'a> {
     /// For equations whose motion so many sensors show.
     pub fn new(inner: &'a dyn Dynamics, offsets: usize) -> Self {
         let padded = |w: &Vec<f64>| w.iter().copied().chain(std::iter::repeat_n(0.0, offsets)).collect();
-        let all = |list: &[Vec<f64>]| list.iter().map(padded).collect();
-        Self { inner, offsets, switches: all(inner.switches()), seams: all(inner.seams()) }
+        let switch = |s: &Switch| Switch { weights: padded(&s.weights), ..s.clone() };
+        let switches = inner.switches().iter().map(switch).collect();
+        let seams = inner.seams().iter().map(padded).collect();
+        let corner = |c: &Corner| Corner { weights: padded(&c.weights), ..c.clone() };
+        let corners = inner.corners().iter().map(corner).collect();
+        Self { inner, offsets, switches, seams, corners }
     }
 
     /// What each sensor shows, offsets behind the coordinates.
@@ -52,12 +57,16 @@ impl Dynamics for WithOffsets<'_> {
         self.inner.parameter_count()
     }
 
-    fn switches(&self) -> &[Vec<f64>] {
+    fn switches(&self) -> &[Switch] {
         &self.switches
     }
 
     fn seams(&self) -> &[Vec<f64>] {
         &self.seams
+    }
+
+    fn corners(&self) -> &[Corner] {
+        &self.corners
     }
 
     fn acceleration_held(&self, here: Here<'_>, out: &mut [f64]) -> bool {

@@ -4,7 +4,7 @@
 
 use super::switching::{crossing, turned_over};
 use super::{Flow, Inputs, Work};
-use crate::model::dynamics::{Dynamics, Instant};
+use crate::model::dynamics::{Dynamics, Instant, Switch};
 use crate::model::model_file::equations_of_motion::abreast::{Abreast, Room};
 use crate::model::model_file::equations_of_motion::{EquationsOfMotion, turns};
 pub use crate::model::model_file::tape::ABREAST;
@@ -73,7 +73,7 @@ impl Steps {
             times: Vec::new(),
             taus: Vec::new(),
             inputs: Vec::new(),
-            signs: vec![vec![0.0; ABREAST]; motion.switches().len() + motion.seams().len()],
+            signs: vec![vec![0.0; ABREAST]; motion.held()],
             whole: Vec::new(),
             alone: Work::by_state(motion),
             exists: Vec::new(),
@@ -155,9 +155,12 @@ impl Steps {
         let motion = field.motion;
         let (n, count) = (self.n, self.count);
         self.whole = vec![true; count];
-        for (weights, signs) in motion.switches().iter().zip(&mut self.signs) {
+        let begins: Vec<(f64, f64)> = (0..count).map(at).collect();
+        for (switch, signs) in motion.switches().iter().zip(&mut self.signs) {
             for (i, sign) in signs.iter_mut().enumerate().take(count) {
-                let rate: f64 = weights.iter().enumerate().map(|(j, w)| w * self.y[(n + j) * ABREAST + i]).sum();
+                let moved: f64 =
+                    switch.weights.iter().enumerate().map(|(j, w)| w * self.y[(n + j) * ABREAST + i]).sum();
+                let rate = moved + level(switch, outside, begins[i].0);
                 *sign = rate.signum();
                 self.whole[i] &= rate != 0.0;
             }
@@ -168,7 +171,14 @@ impl Steps {
                 *to = turns(weights.iter().enumerate().map(|(j, w)| w * self.y[j * ABREAST + i]).sum());
             }
         }
-        let begins: Vec<(f64, f64)> = (0..count).map(at).collect();
+        let (turned, signs) = self.signs[held..].split_at_mut(motion.seams().len());
+        let turns_of = |i: usize| -> Vec<f64> { turned.iter().map(|t| t[i]).collect() };
+        for (corner, signs) in motion.corners().iter().zip(signs) {
+            for (i, sign) in signs.iter_mut().enumerate().take(count) {
+                let at: f64 = corner.weights.iter().enumerate().map(|(j, w)| w * self.y[j * ABREAST + i]).sum();
+                *sign = (at + corner.shift(&turns_of(i))).signum();
+            }
+        }
         self.rates(field, &begins, outside, 0, 0.0);
         for stage in 1..=LAST {
             let Self { y, next, k, .. } = self;
@@ -182,10 +192,13 @@ impl Steps {
         for i in 0..count {
             let form =
                 |x: &[f64], w: &[f64]| -> f64 { w.iter().enumerate().map(|(j, w)| w * x[(n + j) * ABREAST + i]).sum() };
-            for (w, signs) in motion.switches().iter().zip(&self.signs) {
-                let s = signs[i];
-                let ends = [s * form(&self.y, w), s * form(&self.next, w)];
-                let slopes = [s * h * form(&self.k[0], w), s * h * form(&self.k[LAST], w)];
+            let times = [begins[i].0, begins[i].0 + h];
+            for (switch, signs) in motion.switches().iter().zip(&self.signs) {
+                let (s, w) = (signs[i], &switch.weights);
+                let levels = times.map(|t| level(switch, outside, t));
+                let rise = times.map(|t| rise(switch, outside, t, h));
+                let ends = [s * (form(&self.y, w) + levels[0]), s * (form(&self.next, w) + levels[1])];
+                let slopes = [s * h * (form(&self.k[0], w) + rise[0]), s * h * (form(&self.k[LAST], w) + rise[1])];
                 self.whole[i] &= crossing(ends, slopes).is_none();
             }
             let place =
@@ -194,6 +207,14 @@ impl Steps {
                 let ends = [place(&self.y, w), place(&self.next, w)];
                 let slopes = [h * form(&self.y, w), h * form(&self.next, w)];
                 self.whole[i] &= turned_over(turned[i], ends, slopes).is_none();
+            }
+            let (turned, signs) = self.signs[held..].split_at(motion.seams().len());
+            let turned: Vec<f64> = turned.iter().map(|t| t[i]).collect();
+            for (corner, signs) in motion.corners().iter().zip(signs) {
+                let (s, w, shift) = (signs[i], &corner.weights, corner.shift(&turned));
+                let ends = [s * (place(&self.y, w) + shift), s * (place(&self.next, w) + shift)];
+                let slopes = [s * h * form(&self.y, w), s * h * form(&self.next, w)];
+                self.whole[i] &= crossing(ends, slopes).is_none();
             }
             self.whole[i] &= (0..2 * n * (1 + 2 * n)).all(|c| self.next[c * ABREAST + i].is_finite());
         }
@@ -243,6 +264,22 @@ impl Steps {
         let derivatives = &y[m * ABREAST..];
         add_matrix_products::<ABREAST>(tail, partials, derivatives, m, m);
     }
+}
+
+/// What a relative velocity has beside the coordinates' rates at a time.
+fn level(switch: &Switch, outside: &Outside<'_>, time: f64) -> f64 {
+    if switch.inputs.is_empty() {
+        return switch.offset;
+    }
+    let mut inputs = vec![0.0; outside.inputs];
+    (outside.at)(time, &mut inputs);
+    switch.rate(&[], &inputs)
+}
+
+/// Its derivative, over a step.
+fn rise(switch: &Switch, outside: &Outside<'_>, time: f64, h: f64) -> f64 {
+    let at = |t: f64| level(switch, outside, t);
+    if switch.inputs.is_empty() { 0.0 } else { (at(time + 0.5 * h) - at(time - 0.5 * h)) / h }
 }
 
 #[cfg(test)]

@@ -1,13 +1,14 @@
 use super::*;
+use crate::model::dynamics::Switch;
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::equations_of_motion::{EquationsOfMotion, wrapped};
 
 /// q̈ = −k q − c v − μ sign v + F cos τ; parameters k, c, μ, F.
-struct Block(Vec<Vec<f64>>);
+struct Block(Vec<Switch>);
 
 impl Block {
     fn new() -> Self {
-        Self(vec![vec![1.0]])
+        Self(vec![Switch::of_rates(vec![1.0])])
     }
 }
 
@@ -18,7 +19,7 @@ impl Dynamics for Block {
     fn parameter_count(&self) -> usize {
         4
     }
-    fn switches(&self) -> &[Vec<f64>] {
+    fn switches(&self) -> &[Switch] {
         &self.0
     }
     fn acceleration_held(&self, here: Here<'_>, out: &mut [f64]) -> bool {
@@ -107,6 +108,139 @@ fn stick_and_slip_agree_with_steps_a_hundred_times_smaller_and_derivatives_with_
             let difference = (a[i] - b[i]) / 2e-4;
             assert!((rows[i][3 + k] - difference).abs() < 2e-3, "{k} {i} {} {difference}", rows[i][3 + k]);
         }
+    }
+}
+
+/// A block on a belt, at a steady speed and at one that is measured, seen from the laboratory and
+/// from the belt, where friction turns at rest: z = x − ∫ speed.
+#[test]
+fn a_block_sticks_to_a_belt_and_slips_as_seen_from_the_belt() {
+    let model = |balance: &str, stretch: &str, rate: &str, inputs: &str| {
+        let text = format!(
+            "name = \"m\"\n{inputs}coordinates = [{{ name = \"x\", space = \"R\" }}]\n[[equation]]\n\
+             balance = \"{balance}\"\nterms = {{ k = \"{stretch}\", m = \"sign({rate})\", d = \"{rate}\" }}\n"
+        );
+        let file = ModelFile::parse(&text, std::path::Path::new("m.toml")).unwrap();
+        EquationsOfMotion::new(&file, 1.0).unwrap()
+    };
+    let p = [9.0, 2.0, 0.1];
+    let wavy = |t: f64, u: &mut [f64]| u[0] = 0.3 + 0.1 * (2.0 * t).sin();
+    let cases: [(f64, [&str; 4], [&str; 4]); 2] = [
+        (0.0, ["-x''", "x", "x' - 0.3", ""], ["-x''", "x + 0.3*tau", "x'", ""]),
+        (
+            0.05,
+            ["-x''", "x", "2*x' - 2*belt", "inputs = [\"belt\"]\n"],
+            ["-x'' - 0.2*cos(2*tau)", "x + 0.3*tau + 0.05 - 0.05*cos(2*tau)", "2*x'", ""],
+        ),
+    ];
+    for (wave, lab, belt) in cases {
+        let [lab, belt] = [lab, belt].map(|[a, b, c, d]| model(a, b, c, d));
+        assert_eq!((lab.switches().len(), belt.switches().len()), (1, 1));
+        let run = |motion: &EquationsOfMotion, start: f64, p: &[f64]| {
+            let inputs = (motion.switches()[0].inputs.len() == 1).then_some(Inputs { count: 1, at: &wavy });
+            let outside = Outside { inputs, ..Outside::drive(0.0, 0.0, 1.0) };
+            let mut work = Work::by_all(motion);
+            work.set(&[0.02, start]);
+            let mut out = Vec::new();
+            assert!(
+                Flow::new(motion, p, outside, 0.01).samples(&mut work, 0.0, 0.05, 200, |_, s| out.push(s.to_vec()))
+            );
+            out
+        };
+        let (x, z) = (run(&lab, 0.0, &p), run(&belt, -0.3, &p));
+        let carried = |t: f64| 0.3 * t + wave * (1.0 - (2.0 * t).cos());
+        let carries: Vec<f64> = (0..200).map(|i| carried(0.05 * i as f64)).collect();
+        let stuck = z.windows(2).filter(|w| (w[1][0] - w[0][0]).abs() < 1e-9).count();
+        assert!((8..180).contains(&stuck), "{stuck}");
+        for ((x, z), c) in x.iter().zip(&z).zip(&carries) {
+            assert!((x[0] - z[0] - c).abs() < 2e-6, "{} {} {c}", x[0], z[0]);
+            for (a, b) in x[1..].iter().zip(&z[1..]) {
+                assert!((a - b).abs() < 2e-4 * (1.0 + b.abs()), "{x:?} {z:?}");
+            }
+        }
+    }
+}
+
+fn written(space: &str, terms: &str) -> EquationsOfMotion {
+    let text = format!(
+        "name = \"m\"\ncoordinates = [{{ name = \"x\", space = \"{space}\" }}]\n[[equation]]\n\
+         balance = \"-x''\"\nterms = {{ {terms} }}\n"
+    );
+    EquationsOfMotion::new(&ModelFile::parse(&text, std::path::Path::new("m.toml")).unwrap(), 1.0).unwrap()
+}
+
+/// A mass between two stops: free flight, then half a period on a spring, and back. Steps as long as
+/// a quarter of that, which no corner may stand in.
+#[test]
+fn a_mass_between_stops_follows_its_formula_and_so_do_its_derivatives() {
+    let motion = written("R", "k = \"x - (abs(x + 0.3) - abs(x - 0.3))/2\"");
+    assert_eq!((motion.corners().len(), motion.goes_abreast()), (2, true));
+    let (k, b, v) = (4.0_f64, 0.3, 0.7);
+    let p = [k];
+    let flow = Flow::new(&motion, &p, Outside::drive(0.0, 0.0, 1.0), 0.05);
+    let mut work = Work::by_all(&motion);
+    work.set(&[0.0, v]);
+    let w = k.sqrt();
+    let (to_stop, on_it) = (b / v, core::f64::consts::PI / w);
+    let exact = |t: f64| {
+        let in_half = t % (2.0 * to_stop + on_it);
+        let sense = if ((t / (2.0 * to_stop + on_it)) as u32).is_multiple_of(2) { 1.0 } else { -1.0 };
+        let held = in_half - to_stop;
+        sense
+            * if held < 0.0 {
+                v * in_half
+            } else if held < on_it {
+                b + v / w * (w * held).sin()
+            } else {
+                b - v * (held - on_it)
+            }
+    };
+    let mut last = Vec::new();
+    assert!(flow.samples(&mut work, 0.0, 0.037, 200, |i, s| {
+        assert!((s[0] - exact(0.037 * i as f64)).abs() < 1e-6, "{i} {} {}", s[0], exact(0.037 * i as f64));
+        last = s.to_vec();
+    }));
+    let near = |start: &[f64], k: f64| {
+        let mut work = Work::plain(&motion);
+        work.set(start);
+        let mut at = 0.0;
+        let p = [k];
+        let flow = Flow::new(&motion, &p, Outside::drive(0.0, 0.0, 1.0), 0.01);
+        assert!(flow.samples(&mut work, 0.0, 0.037, 200, |_, s| at = s[0]));
+        at
+    };
+    let d = 1e-5;
+    let by_place = (near(&[d, v], k) - near(&[-d, v], k)) / (2.0 * d);
+    let by_rate = (near(&[0.0, v + d], k) - near(&[0.0, v - d], k)) / (2.0 * d);
+    let by_k = (near(&[0.0, v], k + d) - near(&[0.0, v], k - d)) / (2.0 * d);
+    for (found, want) in last[1..].iter().zip([by_place, by_rate, by_k]) {
+        assert!((found - want).abs() < 1e-3 * (1.0 + want.abs()), "{last:?} {by_place} {by_rate} {by_k}");
+    }
+}
+
+/// Stops of a joint that turns over: counted from the turn that it is in, a force that jumps among
+/// them.
+#[test]
+fn corners_of_a_joint_that_turns_over_are_found_in_every_turn() {
+    let terms = "k = \"abs(wrap(x) - 1) + abs(wrap(x) + 2)\", s = \"sign(wrap(x) - 2)\"";
+    let motion = written("S1", terms);
+    assert_eq!((motion.corners().len(), motion.seams().len()), (3, 1));
+    let run = |step: f64, p: [f64; 2]| {
+        let mut work = Work::by_all(&motion);
+        work.set(&[0.4, 5.0]);
+        let mut out = Vec::new();
+        let flow = Flow::new(&motion, &p, Outside::drive(0.0, 0.0, 1.0), step);
+        assert!(flow.samples(&mut work, 0.0, 0.11, 60, |_, s| out.push(s.to_vec())));
+        out
+    };
+    let (coarse, fine) = (run(0.05, [0.1, 0.4]), run(0.0005, [0.1, 0.4]));
+    assert!(coarse.last().unwrap()[0].abs() > 10.0, "{coarse:?}");
+    for (a, b) in coarse.iter().zip(&fine) {
+        assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6 * (1.0 + b.abs())), "{a:?} {b:?}");
+    }
+    let (ahead, behind) = (run(0.01, [0.1, 0.4 + 1e-5]), run(0.01, [0.1, 0.4 - 1e-5]));
+    for ((a, b), c) in ahead.iter().zip(&behind).zip(&coarse) {
+        assert!(((a[0] - b[0]) / 2e-5 - c[4]).abs() < 1e-4 * (1.0 + c[4].abs()), "{a:?} {b:?} {c:?}");
     }
 }
 

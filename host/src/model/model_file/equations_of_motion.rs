@@ -32,14 +32,16 @@ use super::memory::Memory;
 use super::split::{Entry, Split};
 use super::tape::Tape;
 use crate::error::Result;
+use crate::model::dynamics::{Corner, Switch};
 
 /// A model file that can be integrated.
 #[derive(Clone, Debug)]
 pub struct EquationsOfMotion {
     coefficients: Vec<String>,
     circle: Vec<bool>,
-    switches: Vec<Vec<f64>>,
+    switches: Vec<Switch>,
     seams: Vec<Vec<f64>>,
+    corners: Vec<Corner>,
     tape: Tape,
     entries: Vec<Entry>,
     /// Whether an entry holds accelerations.
@@ -84,7 +86,8 @@ impl EquationsOfMotion {
         let mut coefficients = model.coefficients().to_vec();
         let hidden = hidden(extra);
         let all = n + hidden.len();
-        let mut built = Split::with_seams(all);
+        let circle = [model.circle(), vec![false; hidden.len()]].concat();
+        let mut built = Split::with_positions(circle.clone());
         for (e, equation) in model.equations.iter().enumerate() {
             built.put(e, None, &model.in_seconds(&equation.balance, omega));
             for term in &equation.terms {
@@ -107,7 +110,7 @@ impl EquationsOfMotion {
             let rate = memory.rates()[*state].replace(&own);
             built.put(n + k, None, &subtract(rate, symbol(Symbol::Acceleration(n + k))));
         }
-        built.number_seams();
+        built.number_positions();
         let states = (0..all).map(Symbol::Coordinate).chain((0..all).map(Symbol::Rate));
         let variables: Vec<Symbol> = states.chain((0..all).map(Symbol::Acceleration)).collect();
         let mut slopes = Some((Vec::new(), Vec::new()));
@@ -125,14 +128,16 @@ impl EquationsOfMotion {
                 }
             }
         }
+        let positions = built.positions.unwrap_or_default();
         Ok(Self {
             coefficients,
-            circle: [model.circle(), vec![false; hidden.len()]].concat(),
+            circle,
             inputs: model.inputs.len(),
             remembered: remembered(extra),
             hidden,
             switches: built.switches,
-            seams: built.seams.unwrap_or_default(),
+            seams: positions.seams,
+            corners: positions.corners,
             tape: Tape::new(&built.nodes),
             implicit: built.nodes.iter().any(|node| node.accelerates()),
             entries: built.entries,

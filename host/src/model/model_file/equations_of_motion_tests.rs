@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::*;
-use crate::model::dynamics::{Dynamics, Here, Instant, Linearisation, differences};
+use crate::model::dynamics::{Dynamics, Here, Instant, Linearisation, Switch, differences};
 use crate::model::model_file::expression::{Function, add, call, multiply, number, power_whole, symbol};
 
 /// The double pendulum's accelerations satisfy its equations, coefficient by coefficient.
@@ -57,12 +57,12 @@ terms = { h = "x''*sin(y)", g = "sin(y)", e = "sign(2*y' - 2*x')" }
 "#;
     let model = ModelFile::parse(text, Path::new("m.toml")).unwrap();
     let motion = EquationsOfMotion::new(&model, 1.0).unwrap();
-    assert_eq!(motion.switches(), [vec![1.0, -1.0]]);
+    assert_eq!(motion.switches(), [Switch::of_rates(vec![1.0, -1.0])]);
     let p = [3.0, 0.7, 0.2, 0.1, 0.4, 9.0, 0.3];
     let (q, v) = ([0.7, 2.1], [2.0, -3.0]);
     let at = Instant { time: 0.0, tau: 0.0, inputs: &[5.0] };
     let mut analytic = vec![0.0; 2 * 11];
-    let here = Here { parameters: &p, q: &q, v: &v, at: &at, signs: &motion.signs(&q, &v) };
+    let here = Here { parameters: &p, q: &q, v: &v, at: &at, signs: &motion.signs(&q, &v, at.inputs) };
     assert!(motion.linearise_held(here, Linearisation { acceleration: &mut [0.0; 2], partials: &mut analytic }));
     let mut near = vec![0.0; 2 * 11];
     assert!(differences(&motion, here, &mut near));
@@ -114,7 +114,7 @@ terms = { h = "x''*cos(y)", g = "sin(y)" }
     let second = found[1] + p[2] * found[0] * cos + p[3] * q[1].sin() + p[4] * force;
     assert!(first.abs() < 1e-11 && second.abs() < 1e-11, "{first:e} {second:e}");
     let mut analytic = vec![0.0; 2 * 9];
-    let here = Here { parameters: &p, q: &q, v: &v, at: &at, signs: &motion.signs(&q, &v) };
+    let here = Here { parameters: &p, q: &q, v: &v, at: &at, signs: &motion.signs(&q, &v, at.inputs) };
     assert!(motion.linearise_held(here, Linearisation { acceleration: &mut [0.0; 2], partials: &mut analytic }));
     for k in 0..9 {
         let arguments = [&q[..], &v, &p].concat();

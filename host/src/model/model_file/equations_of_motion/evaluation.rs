@@ -6,7 +6,7 @@ use super::super::expression::Symbol;
 use super::super::split::Entry;
 use super::super::tape::Tape;
 use super::{EquationsOfMotion, solve, wrapped};
-use crate::model::dynamics::{Dynamics, Here, Linearisation, differences};
+use crate::model::dynamics::{Corner, Dynamics, Here, Linearisation, Switch, differences};
 
 /// Most passes in which accelerations inside functions are found, and the share of their size to
 /// which they stand still.
@@ -148,12 +148,16 @@ impl Dynamics for EquationsOfMotion {
         self.coefficients.len()
     }
 
-    fn switches(&self) -> &[Vec<f64>] {
+    fn switches(&self) -> &[Switch] {
         &self.switches
     }
 
     fn seams(&self) -> &[Vec<f64>] {
         &self.seams
+    }
+
+    fn corners(&self) -> &[Corner] {
+        &self.corners
     }
 
     fn acceleration_held(&self, here: Here<'_>, out: &mut [f64]) -> bool {
