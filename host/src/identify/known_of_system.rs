@@ -6,14 +6,21 @@
 //! standard error widened by how much the ties are missed all the same. Of several that disagree
 //! those are told without which the others agree.
 //!
+//! A measured input beside it: read γ times too large, it leaves γ⁻¹ of the coefficients of its
+//! terms (or γ of all others, where it stands without one). The γ at which the ties are missed least
+//! with everything known is told where it does as well.
+//!
 //! Limits: where two quantities are wrong, neither explains the other.
 
 use std::collections::BTreeMap;
 
+use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::judgement::{CHANCE, Coefficients, Ties};
 use super::known_quantities::{CONTRADICTED, time_base};
+use crate::model::model_file::ModelFile;
+use crate::model::model_file::expression::Symbol;
 use crate::rig::Rig;
 use crate::system::mechanism::Mechanism;
 use crate::system::ties::{self, Identified};
@@ -60,6 +67,77 @@ fn disagreeing<'a>(
     (chance < CHANCE).then(|| Disagreeing { name, unit: found.unit.clone(), known: value, found: found.value, misfit })
 }
 
+/// A scale of a measured input with which everything that is known agrees.
+struct Scaled {
+    input: String,
+    /// γ: what is read over what acts.
+    factor: f64,
+    misfit: f64,
+}
+
+/// Greatest factor on an input that is looked for, and evaluations of the search.
+const MOST_SCALED: f64 = 2.0;
+const EVALUATIONS: usize = 40;
+
+/// Powers of an input's scale by which coefficients are found too small: 1 for those of its terms,
+/// or −1 for all others. None where terms with and without the input share a coefficient.
+fn scaled_by(model: &ModelFile, names: &[String], input: usize) -> Option<Vec<f64>> {
+    let own = |s: Symbol| matches!(s, Symbol::Input(k) | Symbol::RawInput(k) | Symbol::InputRate(k) if k == input);
+    let beside = model.equations.iter().any(|e| e.balance.any(&own));
+    let terms = || model.equations.iter().flat_map(|e| &e.terms);
+    let with = |name: &String| terms().filter(|t| t.name == *name).any(|t| t.of.any(&own));
+    let without = |name: &String| terms().filter(|t| t.name == *name).any(|t| !t.of.any(&own));
+    let mixed = names.iter().any(|name| with(name) && (beside || without(name)));
+    let exponents = names.iter().map(|name| if with(name) { 1.0 } else { -f64::from(u8::from(beside)) }).collect();
+    (!mixed && (beside || names.iter().any(with))).then_some(exponents)
+}
+
+/// The scale of an input that agrees best with everything that is known.
+fn scaled(
+    mechanism: &Mechanism,
+    c: &Coefficients<'_>,
+    known: &BTreeMap<&str, f64>,
+    (model, input): (&ModelFile, usize),
+) -> Option<Scaled> {
+    let exponents = scaled_by(model, c.names, input)?;
+    let at = |log: f64| {
+        let by = DVector::from_iterator(exponents.len(), exponents.iter().map(|e| (e * log).exp()));
+        let values = c.values.component_mul(&by);
+        let covariance = DMatrix::from_fn(by.len(), by.len(), |i, j| by[i] * c.covariance[(i, j)] * by[j]);
+        let b = Identified { names: c.names, values: &values, covariance: &covariance, metric: &covariance };
+        ties::fit(mechanism, &b, known)
+            .map_or(f64::INFINITY, |fit| fit.misfit / fit.freedom.saturating_sub(1).max(1) as f64)
+    };
+    let most = MOST_SCALED.ln();
+    let log = least_of(&at, [-most, most], EVALUATIONS);
+    // At the edge it is not the least.
+    (log.abs() < 0.99 * most).then(|| Scaled {
+        input: model.inputs[input].clone(),
+        factor: log.exp(),
+        misfit: at(log).max(1.0),
+    })
+}
+
+/// Where a function with one least value in an interval has it, by golden section.
+fn least_of(at: &impl Fn(f64) -> f64, [mut low, mut high]: [f64; 2], evaluations: usize) -> f64 {
+    let golden = 0.5 * (5.0_f64.sqrt() - 1.0);
+    let inner = |low: f64, high: f64| (high - golden * (high - low), low + golden * (high - low));
+    let (mut left, mut right) = inner(low, high);
+    let (mut at_left, mut at_right) = (at(left), at(right));
+    for _ in 2..evaluations {
+        if at_left < at_right {
+            (high, right, at_right) = (right, left, at_left);
+            left = inner(low, high).0;
+            at_left = at(left);
+        } else {
+            (low, left, at_left) = (left, right, at_right);
+            right = inner(low, high).1;
+            at_right = at(right);
+        }
+    }
+    0.5 * (low + high)
+}
+
 /// A warning where something that is said to be known does not agree with the record.
 pub(super) fn contradicted(mechanism: &Mechanism, c: &Coefficients<'_>, rig: &Rig) -> Option<Warning> {
     let known = mechanism.known(&rig.known, rig.says_gravity());
@@ -77,6 +155,10 @@ pub(super) fn contradicted(mechanism: &Mechanism, c: &Coefficients<'_>, rig: &Ri
         all.retain(|d| d.name != "g");
     }
     let first = all.first()?;
+    let model = rig.bound.as_ref().map(|b| &b.model);
+    let inputs = model.iter().flat_map(|m| (0..m.inputs.len()).map(|k| (&***m, k)));
+    let gains: Vec<Scaled> =
+        inputs.filter_map(|i| scaled(mechanism, c, &known, i)).filter(|s| s.misfit <= AS_WELL * least).collect();
     let told = |d: &Disagreeing<'_>| {
         format!("{} = {} instead of {}", d.name, quantity(d.found, &d.unit, 4), quantity(d.known, &d.unit, 4))
     };
@@ -85,6 +167,11 @@ pub(super) fn contradicted(mechanism: &Mechanism, c: &Coefficients<'_>, rig: &Ri
     if let Some(factor) = clock {
         alternatives.push(time_base(factor, rig.drive.is_some()));
     }
+    alternatives.extend(
+        gains
+            .iter()
+            .map(|s| format!("{} reads {} times what acts (its sensor's scale)", s.input, significant(s.factor, 4))),
+    );
     let text = format!(
         "[known] {} {} with the record by {} %. {}: {}",
         names.join(", "),
@@ -93,9 +180,72 @@ pub(super) fn contradicted(mechanism: &Mechanism, c: &Coefficients<'_>, rig: &Ri
         if alternatives.len() == 1 { "This would agree" } else { "One of these would agree" },
         alternatives.join("; or ")
     );
+    let scales = gains.iter().map(|s| (format!("input-gain@{}", s.input), (s.factor - 1.0).into()));
     let clock = clock.map(|factor| ("time-base".to_owned(), factor.into()));
     let values: serde_json::Map<String, serde_json::Value> =
-        all.iter().map(|d| (d.name.to_owned(), d.found.into())).chain(clock).collect();
+        all.iter().map(|d| (d.name.to_owned(), d.found.into())).chain(clock).chain(scales).collect();
     let advice = "Measure them again, check their units (metres, kilograms), and correct the rig file";
     Some(Warning::new(CONTRADICTED, text, advice).invalidating().with("would_agree", values))
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::model::model_file::toml_place::Source;
+
+    const TEXT: &str = r#"name = "pendulum on a shaken bar"
+coordinates = { th = "angle" }
+inputs = { base = "m/s^2" }
+gravity = "down"
+parameters = { J = "kg m^2", S = "kg m" }
+[points]
+p = "[0, 0]"
+[[body]]
+name = "arm"
+from = "p"
+angle = "th"
+first_moment = "S"
+inertia = "J"
+[[joint]]
+name = "hinge"
+at = "p"
+moves = "th"
+[[force]]
+does_work_on = "sin(th)"
+value = "-S*base"
+[nominal]
+effects = ["viscous-friction@hinge"]
+"#;
+
+    /// An accelerometer that reads 1.05 times what acts makes gravity 1.05 times what it is.
+    #[test]
+    fn an_inputs_scale_agrees_where_it_does_as_well() {
+        let source = Source { text: TEXT.to_owned(), path: Path::new("p.toml").to_path_buf() };
+        let model = crate::system::model_of(source, None, 1.0).unwrap();
+        let mechanism = model.mechanism.clone().unwrap();
+        let truth: Vec<f64> = mechanism
+            .parameters
+            .iter()
+            .map(|p| match p.name.as_str() {
+                "J" => 0.04,
+                "S" => 0.11,
+                "g" => 9.81,
+                _ => 0.003,
+            })
+            .collect();
+        let names: Vec<String> = mechanism.coefficients.iter().map(|c| c.name.clone()).collect();
+        let powers = scaled_by(&model, &names, 0).unwrap();
+        assert_eq!(powers.iter().filter(|p| **p == 1.0).count(), 1, "{names:?} {powers:?}");
+        let true_value = |k: usize| mechanism.value(&names[k], &truth).unwrap();
+        let values = DVector::from_fn(names.len(), |k, _| true_value(k) * 1.05_f64.powf(-powers[k]));
+        let covariance = DMatrix::from_diagonal(&values.map(|x| (1e-3 * x).powi(2)));
+        let c = Coefficients { names: &names, values, covariance, blocks: 30 };
+        let known = BTreeMap::from([("J", 0.04), ("g", 9.81)]);
+        let g = disagreeing(&mechanism, &c, &known, "g").unwrap();
+        assert!((g.found - 1.05 * 9.81).abs() < 1e-3, "{}", g.found);
+        let base = scaled(&mechanism, &c, &known, (&model, 0)).unwrap();
+        assert!((base.factor - 1.05).abs() < 1e-4 && base.misfit <= AS_WELL * g.misfit, "{}", base.factor);
+    }
 }
