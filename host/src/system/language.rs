@@ -249,6 +249,7 @@ impl SystemFile {
         let mut joints = joints::read(&r, top)?;
         reactions::find(&r, top, &bodies, &mut joints);
         let forces = forces::read(&r, top)?;
+        forces::join(&forces, &mut joints);
         let sensors = sensors::read(&r, top)?;
         let quantities = super::mechanism::quantities(&r, top, &parameters)?;
         let nominal = r.nominal(top)?;

@@ -173,8 +173,8 @@ fn in_its_equation(
     let unit = if let (Some(_), false, Some(unit)) = (inertia, is_shape, &c.entry.unit) {
         unit.clone()
     } else if is_shape {
-        let angle = setting.file().is_some_and(|f| is_angle(f, moves));
-        if angle { "rad" } else { "m" }.to_owned()
+        let moved = (0..coordinates.len()).find(|k| moves.moves(|s| s == Symbol::Coordinate(*k)));
+        moved.map_or_else(|| "m".to_owned(), |k| coordinates[k].to_string())
     } else {
         multiplied(&c.entry, &c.form, moves, model.coordinates.len(), omega)
             .map_or_else(String::new, |of| units::coefficient(&balance, &of, &coordinates, &inputs, true))
