@@ -8,6 +8,7 @@ use crate::inspect::motion;
 use crate::inspect::periodicity::{Kind, periodicity};
 use crate::record::Record;
 use crate::rig::Rig;
+use crate::warning::Warning;
 
 /// Gap (in noise floors) up to which a model counts as explaining the record (by hand).
 pub(super) const EXPLAINED_GAP: f64 = 1.3;
@@ -28,6 +29,9 @@ const VERDICT_HORIZONS: f64 = 4.5;
 /// Fewest whole windows for a decision: fewer leave the jackknife and the folds too little (by
 /// hand).
 pub(super) const FEWEST_BLOCKS: usize = 9;
+
+/// What to do about the noise of an input beside which an effect stands.
+const INPUT_NOISE: &str = "What was found stands far above that; for what may be fainter measure the input better";
 
 /// Share of a record that must repeat for its motion to count as locked (by hand).
 const LOCKED_SHARE: f64 = 0.5;
@@ -154,7 +158,16 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<Undecidable>,
     let whole = rest.whole.map(|(left, values)| (left, rest.most_of_whole(values))).filter(|(left, most)| left > most);
     let left = !within || whole.is_some();
     let undecidable = undecidable.or_else(|| diverged.then_some(Undecidable::Diverged));
-    let undecidable = undecidable.or_else(|| if within { rest.unfollowed(power, horizon_s, gap) } else { None });
+    let unfollowed = if within && undecidable.is_none() { rest.unfollowed(power, horizon_s, gap) } else { None };
+    // What stands as far above the noise of an input as that above the sensors' is told.
+    let stands = !result.effects.is_empty() && result.residual_power[0] > EXCUSED * EXCUSED * power;
+    let undecidable = match unfollowed {
+        Some(why @ Undecidable::OwnRecords { .. }) if stands && !rest.noisy.is_empty() => {
+            result.warnings.push(Warning::new("input-noise", why.to_string(), INPUT_NOISE));
+            undecidable
+        }
+        other => undecidable.or(other),
+    };
     if undecidable.is_none() {
         result.decided_by = decided_by(result, gap, (power, &rest));
     }
@@ -271,6 +284,18 @@ mod tests {
         // Noise of an input is named.
         let (found, why) = verdict(11.0, 1.0, Left { noisy: vec!["current".to_owned()], ..own(11.0, 1.0) });
         assert!(found == Verdict::NotDecidable && why.contains("Measure current with less noise"), "{why}");
+        // An effect that stands as far above it is told all the same.
+        for (before, expected) in [(30.0, Verdict::NotDecidable), (5000.0, Verdict::Explained)] {
+            let mut result = Explanation::new(0.2, Vec::new());
+            result.residual_power = [before, 11.0];
+            let steps = [(None, 20.0), (Some("cubic-stiffness@x".to_owned()), 1.0)];
+            result.gap.steps.extend(steps.map(|(added, value)| Step { added, value }));
+            result.effects.push(Found::empty("cubic-stiffness", "x", "N/m³".to_owned()));
+            decide(&mut result, None, Left { noisy: vec!["current".to_owned()], ..own(11.0, 1.0) });
+            assert_eq!(result.verdict, expected);
+            let told = result.warnings.iter().any(|w| w.id == "input-noise" && w.text.contains("current"));
+            assert_eq!(told, expected == Verdict::Explained);
+        }
         let (_, why) = verdict(2.0, 1.0, Left { left_out: 2, ..own(1.0, 1.0) });
         assert!(why.contains("up to 1.08 would be chance; 2 windows that cannot be followed"), "{why}");
     }

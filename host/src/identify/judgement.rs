@@ -41,6 +41,11 @@ const CLEAR: f64 = 4.0;
 pub(super) const CHANCE: f64 = 1e-6;
 /// Ratio of residual to noise power from which something besides noise is left, as in `explain`.
 const BESIDE_NOISE: f64 = 2.0;
+/// The same of one equation alone, beside what the sensors explain of it, and the share of its
+/// largest term from which that counts (by hand: the two agree to a factor of 2 where nothing is
+/// missing).
+const OF_ONE: f64 = 16.0;
+const NOTABLE: f64 = 0.01;
 /// Ratio from which the answer does not stand: a residual of five times the sensors'. A second
 /// harmonic of 2 % in the drive (ratio 71) moves B11 by 7.4 standard errors. It is no bound below
 /// which nothing has moved: an eccentricity of 0.015 rad (ratio 12) moves B22 by 12 of them, and is
@@ -118,7 +123,12 @@ pub fn judge(result: &mut Identification, rig: &Rig) {
 fn misfit(result: &Identification) -> Option<Warning> {
     let details = &result.details;
     let by_chance = details.by_chance.max(1.0);
-    let ratio = details.residual_over_noise.filter(|ratio| *ratio > BESIDE_NOISE * by_chance)?;
+    let of_all = details.residual_over_noise.filter(|ratio| *ratio > BESIDE_NOISE * by_chance);
+    // An equation that fits well hides one that does not.
+    let each = result.identification_error.iter().zip(&details.expected_error);
+    let of_one = each.filter(|(error, _)| **error > NOTABLE).map(|(error, expected)| (error / expected).powi(2));
+    let of_one = of_one.fold(0.0, f64::max);
+    let ratio = of_all.or(Some(of_one).filter(|r| r.is_finite() && *r > OF_ONE * by_chance))?;
     // What a model misses comes back wherever the motion does: it is no sign of a periodic record.
     let percent =
         |of: &[f64]| of.iter().map(|e| format!("{} %", significant(100.0 * e, 2))).collect::<Vec<_>>().join(", ");

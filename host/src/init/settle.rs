@@ -28,6 +28,9 @@ const FEW_PERIODS: f64 = 60.0;
 const DRIVEN: f64 = 2.3;
 /// By how much less the best reading must leave, in ln(residual/noise power).
 const CLEARLY: f64 = 0.15;
+/// The same of a drive's frequency, half the residual (by hand): terms at a line of the motion take
+/// something away wherever it is, and where the equations lack an effect a wrong one takes as much.
+const CLEAR_LINE: f64 = 1.4;
 
 /// A reading that was tried.
 struct Tried {
@@ -196,8 +199,12 @@ fn tell_measures(draft: &mut Draft, by: f64) {
 fn tell_drive(draft: &mut Draft, by: f64) {
     let Some(d) = &mut draft.drive else { return };
     let text = format!("{} Hz", d.frequency_hz);
-    let statement = Statement::new("drive", text, format!("the equations of motion fit so; {}", beside(by)));
-    d.why.push(if by > CLEARLY { statement } else { statement.unsure() });
+    d.why.push(if by > CLEAR_LINE {
+        Statement::new("drive", text, format!("the equations of motion fit so; {}", beside(by)))
+    } else {
+        let why = format!("a guess: {}; set what the generator or the strobe says", beside(by));
+        Statement::new("drive", text, why).unsure()
+    });
 }
 
 /// What the equations say of the finished reading: the drive's direction and a frequency that is

@@ -184,6 +184,7 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
         let length = (count - 1) as f64 * spacing;
         let steps = (length / self.step - 1e-9).ceil().max(1.0);
         let h = length / steps;
+        let corners = self.dynamics.held() - self.dynamics.corners().len();
         let mut shown = 1;
         let mut fresh = false;
         for step in 0..steps as usize {
@@ -199,6 +200,8 @@ impl<'a, D: Dynamics + ?Sized> Flow<'a, D> {
                     return false;
                 }
                 let event = if work.modes.is_empty() { None } else { self.event(work, start + t, left) };
+                // What comes to rest about a corner passes it without end.
+                let event = event.filter(|e| events < MOST_EVENTS || e.1 < corners);
                 let taken = match event {
                     Some((share, _)) if share < 1.0 => {
                         if !self.attempt(work, start + t, share * left) {

@@ -1,5 +1,5 @@
-//! A motion that nothing drives, followed on in longer windows once everything was found in shorter
-//! ones.
+//! Windows of another length: a motion that nothing drives, followed on in longer ones once
+//! everything was found in shorter ones; shorter ones where nothing is found at all.
 
 use super::evidence::{Evidence, Outcome, refit};
 use super::run::Run;
@@ -14,7 +14,66 @@ use crate::explain::decidability::{EXCUSED, FEWEST_BLOCKS};
 /// hand: a swing whose two frictions were named there had left 10 before).
 const HOPELESS: f64 = 100.0;
 
+/// Length of shorter windows beside those in which nothing was found (by hand).
+const SHORTER: f64 = 0.125;
+
 impl Run<'_> {
+    /// Where nothing is supported although more than noise is left, the search once more in windows
+    /// of [`SHORTER`] the length: the linear problem holds about a path that the model follows, and
+    /// what it lacks may have led it so far from the record that no column has its place there (a
+    /// ripple, by one of its periods). What is found is then fitted, and the search goes on, in the
+    /// windows that there were. Kept where less is left there.
+    ///
+    /// # Errors
+    /// As [`Run::push`].
+    pub(super) fn in_shorter_windows(&mut self, most: usize, outcome: Outcome) -> Result<Outcome> {
+        let Evidence::Shooting(blocks) = &outcome.evidence else { return Ok(outcome) };
+        let misses = exchange::sum(&outcome.fit) > exchange::MISSES * blocks.noise();
+        let kept = self.told.clone();
+        let samples = self.told.state.followed.as_ref().map_or(0, Followed::samples);
+        let nothing = self.told.result.effects.is_empty() && most > 0 && samples > 0;
+        if !misses || !nothing || !self.begin_again() {
+            return Ok(outcome);
+        }
+        let whole: usize = self.told.state.stretches.iter().map(|s| s.len()).sum();
+        self.setting.blocks = whole as f64 / (SHORTER * samples as f64);
+        let found = self.found_in_windows(most);
+        self.setting.blocks = shooting::BLOCKS;
+        let again = match found {
+            Ok(Some(mut search)) => self.in_windows_again(&mut search, most),
+            _ => Ok(None),
+        };
+        match again {
+            Ok(Some(again)) if again.left().zip(outcome.left()).is_some_and(|(a, b)| a < b) => Ok(again),
+            _ => {
+                self.told = kept;
+                Ok(outcome)
+            }
+        }
+    }
+
+    /// The search in windows of the setting's length, from the model before anything was added; none
+    /// where nothing is found.
+    fn found_in_windows(&mut self, most: usize) -> Result<Option<Search>> {
+        self.told.state.followed = None;
+        let candidates = offered::candidates(&self.setting, &self.told.state);
+        let first = refit(&self.setting, &mut self.told.state, candidates)?;
+        let mut search = Search::default();
+        let found = self.added(&mut search, most, None, Some(first))?;
+        self.cleared(&mut search, most, found)?;
+        Ok((!self.told.result.effects.is_empty()).then_some(search))
+    }
+
+    /// What was found in other windows, fitted in the setting's, and what is found beside it.
+    fn in_windows_again(&mut self, search: &mut Search, most: usize) -> Result<Option<Outcome>> {
+        let candidates = offered::candidates(&self.setting, &self.told.state);
+        let again = refit(&self.setting, &mut self.told.state, candidates)?;
+        self.tell_last(&again)?;
+        let again = self.added(search, most, None, Some(again))?;
+        let again = self.cleared(search, most, again)?;
+        Ok((!self.told.result.effects.is_empty()).then_some(again))
+    }
+
     /// The model found in windows as long as the fewest that decide leave room for, where nothing
     /// drives the motion and it can be followed for so long. How fast a swing dies is known from a
     /// window to the power -3/2 of its length, and laws of damping differ in nothing else; about a

@@ -46,6 +46,7 @@ impl Run<'_> {
         if undecidable {
             return Ok(outcome);
         }
+        let outcome = if settings.model.is_none() { self.in_shorter_windows(most, outcome)? } else { outcome };
         let kept = self.told.clone();
         let Some(longer) = self.followed_on()? else { return Ok(outcome) };
         let mut again = self.added(&mut search, most, None, Some(longer))?;

@@ -244,6 +244,19 @@ fn corners_of_a_joint_that_turns_over_are_found_in_every_turn() {
     }
 }
 
+/// A force of one size towards the middle: passes of it come faster and faster, to rest.
+#[test]
+fn what_comes_to_rest_about_a_corner_is_followed() {
+    let motion = written("R", "f = \"sign(x)\", c = \"x'\"");
+    let p = [2.0, 0.8];
+    let flow = Flow::new(&motion, &p, Outside::drive(0.0, 0.0, 1.0), 0.02);
+    let mut work = Work::by_all(&motion);
+    work.set(&[0.5, 0.0]);
+    let mut last = 0.0;
+    assert!(flow.samples(&mut work, 0.0, 0.02, 1000, |_, s| last = s[0]));
+    assert!(last.abs() < 1e-3, "{last}");
+}
+
 #[test]
 fn what_has_no_solution_is_said() {
     let block = Block::new();
