@@ -31,7 +31,7 @@ const VERDICT_HORIZONS: f64 = 4.5;
 pub(super) const FEWEST_BLOCKS: usize = 9;
 
 /// What to do about the noise of an input beside which an effect stands.
-const INPUT_NOISE: &str = "What was found stands far above that; for what may be fainter measure the input better";
+const INPUT_NOISE: &str = "What was found stands far above that";
 
 /// Share of a record that must repeat for its motion to count as locked (by hand).
 const LOCKED_SHARE: f64 = 0.5;

@@ -32,6 +32,13 @@ const CLEARLY: f64 = 0.15;
 /// something away wherever it is, and where the equations lack an effect a wrong one takes as much.
 const CLEAR_LINE: f64 = 1.4;
 
+/// Residual over noise power, ln, up to which the equations fit: a factor of 4.
+const FITS: f64 = 1.4;
+/// Most halves of a drive's frequency that a line may be, and the relative difference of two that are
+/// one.
+const MOST_HALVES: u32 = 16;
+const SAME: f64 = 3e-4;
+
 /// A reading that was tried.
 struct Tried {
     draft: Draft,
@@ -54,6 +61,11 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
         return Ok(());
     }
     tried.sort_by(|a, b| a.left.total_cmp(&b.left));
+    if draft.drive.is_none() && tried[0].draft.drive.is_some() && tried[0].left > FITS {
+        let slower: Vec<DraftDrive> = possible.iter().flat_map(submultiples).collect();
+        tried.extend(try_all(readings(draft, &unknown, settings, &slower), &record));
+        tried.sort_by(|a, b| a.left.total_cmp(&b.left));
+    }
     // A drive adds terms, which take something away even where there is none.
     let at_rest = tried.iter().find(|t| t.draft.drive.is_none()).map_or(f64::INFINITY, |t| t.left);
     if at_rest - tried[0].left < DRIVEN {
@@ -66,7 +78,9 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
     };
     let counts = next(&|d| unknown.iter().any(|k| d.channels[*k].counts_per_turn != best.channels[*k].counts_per_turn));
     let measures = next(&|d| d.channels.iter().zip(&best.channels).any(|(a, b)| a.measures != b.measures));
-    let frequency = next(&|d| frequency(d) != frequency(&best));
+    let of_line = next(&|d| !alike(frequency(d), frequency(&best)));
+    let is_guess = of_line.is_finite() && of_line <= CLEAR_LINE || of_line.is_infinite() && left > FITS;
+    let found_here = draft.drive.is_none();
     *draft = best;
     for k in unknown {
         tell_counts(draft, k, counts);
@@ -74,8 +88,8 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
     if measures.is_finite() {
         tell_measures(draft, measures);
     }
-    if frequency.is_finite() {
-        tell_drive(draft, frequency);
+    if of_line.is_finite() || found_here && is_guess {
+        tell_drive(draft, of_line, is_guess);
     }
     refine(draft, &record);
     Ok(())
@@ -196,15 +210,34 @@ fn tell_measures(draft: &mut Draft, by: f64) {
     }
 }
 
-fn tell_drive(draft: &mut Draft, by: f64) {
+fn tell_drive(draft: &mut Draft, by: f64, is_guess: bool) {
     let Some(d) = &mut draft.drive else { return };
     let text = format!("{} Hz", d.frequency_hz);
-    d.why.push(if by > CLEAR_LINE {
-        Statement::new("drive", text, format!("the equations of motion fit so; {}", beside(by)))
+    d.why.push(if is_guess {
+        let fit =
+            if by.is_finite() { beside(by) } else { "the equations of motion do not fit well with it".to_owned() };
+        Statement::new("drive", text, format!("a guess: {fit}; set what the generator or the strobe says")).unsure()
     } else {
-        let why = format!("a guess: {}; set what the generator or the strobe says", beside(by));
-        Statement::new("drive", text, why).unsure()
+        Statement::new("drive", text, format!("the equations of motion fit so; {}", beside(by)))
     });
+}
+
+/// Two frequencies of one line.
+fn alike(a: Option<f64>, b: Option<f64>) -> bool {
+    a == b || a.zip(b).is_some_and(|(a, b)| (a / b - 1.0).abs() < SAME)
+}
+
+/// Drives of which a line is a multiple of half the frequency: in chaos, or with a period that is
+/// doubled, another multiple may stand higher than the drive's own.
+fn submultiples(d: &DraftDrive) -> Vec<DraftDrive> {
+    let slower = |m: u32| {
+        let hz = super::raw::nice(2.0 * d.frequency_hz / f64::from(m), SAME);
+        let text = format!("the line at {} Hz is {m} halves of it", significant(d.frequency_hz, 6));
+        let mut why = vec![Statement::new("drive", format!("{hz} Hz"), text)];
+        why.extend(d.why.iter().filter(|s| s.check).cloned());
+        DraftDrive { direction: Direction::Vertical, frequency_hz: hz, why }
+    };
+    (1..=MOST_HALVES).filter(|m| *m != 2).map(slower).collect()
 }
 
 /// What the equations say of the finished reading: the drive's direction and a frequency that is
