@@ -31,6 +31,8 @@ const PRICE: f64 = 12.0;
 const LEAST: f64 = 6.0;
 /// Greatest ratio of what a hypothesis leaves to what is left beside it.
 const LIKE: f64 = 6.0;
+/// Share of its height by which that of a slip may differ from window to window beside its error.
+const OFF: f64 = 0.5;
 /// Places spread over the record.
 const CONTROLS: usize = 400;
 /// Suspects are judged so many at a time, the greatest first, and at most so many times.
@@ -146,6 +148,7 @@ impl Judge {
                 }
             }
             found.retain(|f| f.z > self.limit && f.size.abs() > 2.0 * bend && f.size.abs() > 1.5 * trace.quantum);
+            found.retain(|f| f.kind != Kind::Slip || is_same_closer(trace, f));
             // The greatest come first: where they are motion, so are the others.
             if 4 * found.len().saturating_sub(before) < batch.len() {
                 break;
@@ -313,6 +316,25 @@ fn places(trace: &Trace<'_>, n: usize) -> Vec<(usize, usize)> {
         }
     }
     found
+}
+
+/// Whether a slip has its height in every window that is tried, as far as each tells it: a swing
+/// faster than the record's others leaves a polynomial a step as well, another one in each.
+fn is_same_closer(trace: &Trace<'_>, slip: &Found) -> bool {
+    let s = &trace.stretches[slip.stretch];
+    WINDOWS.iter().all(|&(half, degree)| {
+        if slip.from < half || slip.from + half > s.len() {
+            return true;
+        }
+        let window = Window::new(2 * half, degree);
+        let mut x = vec![0.0; 2 * half];
+        s.copy(slip.from - half, &mut x);
+        window.reduce(&mut x);
+        let step = fit(&x, &[&window.shape(Shape::Step(half as f64 - 0.5))]);
+        let freedom = window.freedom().saturating_sub(1).max(1) as f64;
+        let variance = (step.rest / freedom).max(trace.quantum * trace.quantum / 12.0);
+        (step.values[0] - slip.size).abs() <= LIKE * variance.sqrt() * step.error + OFF * slip.size.abs()
+    })
 }
 
 #[cfg(test)]
