@@ -12,7 +12,7 @@ use std::f64::consts::{PI, TAU};
 use super::drive_check;
 use super::motion::{Motion, Space};
 use crate::signal::angles::wrap;
-use crate::signal::spectrum::{self, Density};
+use crate::signal::spectrum::{self, Density, Line};
 
 /// A named line of a spectrum.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -42,8 +42,12 @@ pub struct Spectrum {
     pub averages: usize,
     /// Frequency below which 99 % of the power lies that exceeds the sensor's noise, Hz.
     pub band_hz: f64,
-    /// Strongest lines, strongest first.
+    /// Strongest lines, the greatest amplitude first.
     pub lines: Vec<NamedLine>,
+    /// Where most of the motion is, Hz, if a broad hump rather than a line holds it: a resonance
+    /// that noise or many tones excite stands above every line without being one.
+    #[serde(skip)]
+    pub hump_hz: Option<f64>,
     /// Frequencies of the plotted points, Hz: the first 1000 bins, then means over bands that widen
     /// by 1 % each.
     pub frequency_hz: Vec<f32>,
@@ -58,6 +62,12 @@ pub struct Coordinate {
     pub name: String,
     /// Column it was measured in; none for a derived one.
     pub channel: Option<String>,
+    /// Whether it is a measured input rather than a coordinate.
+    #[serde(skip)]
+    pub input: bool,
+    /// Whether its sensor counts: q is then its own, not the last digit of a file.
+    #[serde(skip)]
+    pub counts: bool,
     /// SI unit of the values.
     pub unit: String,
     /// Circle or line.
@@ -132,6 +142,8 @@ pub fn describe(
     Coordinate {
         name: motion.name.clone(),
         channel: channel.map(str::to_owned),
+        input: false,
+        counts: false,
         unit: motion.unit.clone(),
         space: motion.space,
         least,
@@ -175,7 +187,11 @@ fn summarise(
         sum += p;
         sum >= 0.99 * total
     });
-    let lines = spectrum::lines(&d, 12)
+    let mut lines = spectrum::lines(&d, 12);
+    let hump_hz = hump(&d, &lines);
+    // A line between two bins has less density than one of its amplitude on a bin.
+    lines.sort_by(|a, b| b.amplitude.total_cmp(&a.amplitude));
+    let lines = lines
         .into_iter()
         .map(|l| NamedLine {
             frequency_hz: l.frequency_hz,
@@ -193,9 +209,27 @@ fn summarise(
         averages: d.averages,
         band_hz: band.map_or(rate_hz / 2.0, |m| d.frequency(m)).max(d.bin_hz),
         lines,
+        hump_hz,
         frequency_hz,
         density,
     }
+}
+
+/// The middle of the hump that holds the greatest density, Hz; none where that is a line's.
+///
+/// The middle is the mean over the bins of at least half that density around it: single bins of a
+/// hump scatter.
+fn hump(d: &Density, lines: &[Line]) -> Option<f64> {
+    // The removed mean distorts the three lowest bins, as for lines.
+    let top = (3..d.density.len()).max_by(|a, b| d.density[*a].total_cmp(&d.density[*b]))?;
+    let of_line = |l: &Line| (l.frequency_hz - d.frequency(top)).abs() < 2.0 * d.bin_hz;
+    if d.density[top] <= 0.0 || lines.iter().any(of_line) {
+        return None;
+    }
+    let near = top.saturating_sub(24).max(3)..(top + 25).min(d.density.len());
+    let held = near.filter(|m| d.density[*m] >= 0.5 * d.density[top]);
+    let (sum, weighted) = held.fold((0.0, 0.0), |(s, w), m| (s + d.density[m], w + d.density[m] * d.frequency(m)));
+    Some(weighted / sum)
 }
 
 /// The first 1000 bins, then means over bands that widen by 1 %.
@@ -261,5 +295,42 @@ mod tests {
     fn what_does_not_move_has_no_spectrum() {
         let c = describe(&motion(vec![0.5; 3000]), None, 100.0, Some(5.0), 4);
         assert!(c.spectrum.is_none() && c.rms_speed == 0.0 && c.noise == 0.0);
+    }
+
+    #[test]
+    fn a_hump_that_stands_above_every_line_is_what_is_strongest() {
+        // Noise through a damped resonance at 12 Hz; a faint tone at 30 Hz is all that is a line.
+        let (rate, f, damping) = (500.0, 12.0, 2.0);
+        let (omega, mut seed, mut p, mut v) = (TAU * f / rate, 1_u64, 0.0, 0.0);
+        let mut noise = || {
+            seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (seed >> 11) as f64 / (1_u64 << 53) as f64 - 0.5
+        };
+        let of = |hump: f64, tone: f64, noise: &mut dyn FnMut() -> f64| {
+            let x = (0..20_000).map(|i| {
+                v += -omega * omega * p - omega / damping * v + noise() * omega;
+                p += v;
+                hump * p / 0.725 + tone * (TAU * 30.0 * f64::from(i) / rate).sin()
+            });
+            let m = Motion { unit: "m".into(), space: Space::R, ..motion(x.collect()) };
+            describe(&m, None, rate, None, 4).spectrum.unwrap()
+        };
+        let s = of(1.0, 0.06, &mut noise);
+        assert!((s.lines[0].frequency_hz - 30.0).abs() < 0.1, "{:?}", s.lines);
+        assert!(s.hump_hz.is_some_and(|f| (9.0..15.0).contains(&f)), "{:?}", s.hump_hz);
+        assert_eq!(of(1e-3, 0.06, &mut noise).hump_hz, None);
+    }
+
+    #[test]
+    fn the_first_line_has_the_greatest_amplitude_wherever_it_falls_between_bins() {
+        let rate = 500.0;
+        let bin = rate / piece_length(40_000, None) as f64;
+        // On a bin a line has up to 1.4 dB more density than halfway to the next.
+        let (on, between) = (100.0 * bin, 300.5 * bin);
+        let x = (0..40_000).map(|i| f64::from(i) / rate);
+        let x = x.map(|t| 0.95 * (TAU * on * t).sin() + (TAU * between * t).sin()).collect();
+        let m = Motion { unit: "m".into(), space: Space::R, ..motion(x) };
+        let s = describe(&m, None, rate, None, 4).spectrum.unwrap();
+        assert!((s.lines[0].frequency_hz - between).abs() < 0.1 * bin && s.hump_hz.is_none(), "{:?}", s.lines);
     }
 }

@@ -140,12 +140,18 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
     // A chaotic spectrum has bumps near every fraction; a locked one has lines at those of its
     // period.
     let denominator = periodicity.period.map_or(4, |k| k.max(4) as u32);
+    let inputs = rig.inputs();
     let coordinates: Vec<Coordinate> = motions
         .iter()
         .enumerate()
         .map(|(i, m)| {
-            let channel = record.channels.get(i).map(|c| c.name.as_str());
-            coordinate::describe(m, channel, rate, drive_hz, denominator)
+            let channel = record.channels.get(i);
+            let name = channel.map(|c| c.name.as_str());
+            Coordinate {
+                input: channel.is_some() && inputs.contains(&i),
+                counts: channel.is_some_and(|c| motion::counts(c, m)),
+                ..coordinate::describe(m, name, rate, drive_hz, denominator)
+            }
         })
         .collect();
     let drive = rig.drive.filter(|_| !drive_check::glides(record)).map(|d| {
@@ -296,7 +302,8 @@ fn notices(
         Kind::ChaoticOrTransient | Kind::Free => {}
     }
     for c in coordinates.iter().filter(|c| c.channel.is_some()) {
-        if c.step > 0.0 && c.noise > 2.0 * c.quantisation_noise {
+        // An input's resolution says nothing of what a good sensor of it shows.
+        if c.counts && !c.input && c.step > 0.0 && c.noise > 2.0 * c.quantisation_noise {
             out.push(Warning::new(
                 "noisy-channel",
                 format!(

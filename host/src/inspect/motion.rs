@@ -14,6 +14,7 @@ use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
 use crate::record::{Column, Record};
+use crate::rig::Channel;
 use crate::statistics::median;
 
 /// Where a coordinate lives.
@@ -79,6 +80,15 @@ pub fn quantisation_step(column_parts: &[&Column], scale: f64) -> f64 {
     let step = near.iter().sum::<f64>() / near.len().max(1) as f64;
     let on_grid = gaps.iter().filter(|g| ((*g / step) - (*g / step).round()).abs() < 0.1 && **g < 50.0 * step).count();
     if step > 0.0 && on_grid * 10 >= gaps.len() * 9 { step * scale.abs() } else { 0.0 }
+}
+
+/// Whether a channel's sensor counts, in its own unit or in angles that were made of counts.
+///
+/// A grid of a power of ten in the file's unit is its last digit: that says nothing of the sensor.
+pub fn counts(channel: &Channel, motion: &Motion) -> bool {
+    let decades = (motion.step / channel.step().abs()).log10();
+    channel.unit == "count"
+        || (motion.space == Space::S1 && motion.step > 0.0 && (decades - decades.round()).abs() > 0.02)
 }
 
 /// The record's coordinates: measured ones in the channels' order, then derived absolute angles.

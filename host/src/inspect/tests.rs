@@ -197,3 +197,53 @@ fn a_report_of_an_inspection_is_small_complete_and_the_same_every_time() {
     assert!(!page.contains("NaN"));
     assert_eq!(page, crate::report::Report::of("double pendulum", "made.csv", &results).render().unwrap());
 }
+
+/// A record of the axis that a force moves: force amplitude, and a noise of both channels beside
+/// which the last digit is small.
+fn pushed(amplitude: f64) -> Inspection {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("rig.toml");
+    let channel =
+        |name: &str, unit: &str| format!("[[channel]]\nname = \"{name}\"\nmeasures = \"{name}\"\nunit = \"{unit}\"\n");
+    let head = "name = \"axis\"\nmodel = \"positioning-drive\"\nsample_rate_hz = 100.0\n";
+    std::fs::write(&path, format!("{head}{}{}", channel("q", "mm"), channel("force", "N"))).unwrap();
+    let rig = Rig::read(&path).unwrap();
+    let rows = (0..1200).map(|i| (0.01 * f64::from(i), 0.01 * (7919.3 * f64::from(i)).sin()));
+    let rounded = |x: f64, digits: f64| (x * digits).round() / digits;
+    let q = rows.clone().map(|(t, e)| rounded(3.0 * (TAU * 1.3 * t).sin() + (TAU * 0.47 * t).cos() + e, 1e2));
+    let force = rows.map(|(t, e)| rounded(amplitude * ((TAU * 1.3 * t).cos() + (TAU * 0.47 * t).sin() + e), 1e2));
+    let columns = vec![Column::Values(q.collect()), Column::Values(force.collect())];
+    let record = Record::of("made.csv", &rig, vec![Segment::new(0.0, 0.01, columns)]);
+    inspect(&record, &rig, &settings()).unwrap()
+}
+
+#[test]
+fn a_measured_input_that_moves_is_what_drives() {
+    let found = pushed(2.0);
+    assert!(text::sentence(&found).contains("its motion: driven by the measured force"), "{}", text::sentence(&found));
+    assert_eq!(text::motion(&pushed(0.0)), "free, no drive");
+    // The last digit of a file says nothing of a sensor.
+    let force = &found.coordinates[1];
+    assert!(force.step > 0.0 && force.noise > 2.0 * force.quantisation_noise, "{force:?}");
+    assert!(found.warnings.iter().all(|w| w.id != "noisy-channel"), "{:?}", found.warnings);
+}
+
+#[test]
+fn a_sensor_that_counts_is_told_from_the_last_digit_of_a_file() {
+    let motion = |step: f64, space: motion::Space| motion::Motion {
+        name: "x".into(),
+        unit: "rad".into(),
+        space,
+        derived: false,
+        step,
+        stretches: Vec::new(),
+    };
+    let channel = |unit: &str| crate::rig::Channel::new("x", unit);
+    let circle = motion::Space::S1;
+    assert!(motion::counts(&channel("rad"), &motion(TAU / 4096.0, circle)));
+    assert!(motion::counts(&channel("count"), &motion(TAU / 4096.0, circle)));
+    assert!(!motion::counts(&channel("rad"), &motion(1.001e-4, circle)));
+    assert!(!motion::counts(&channel("deg"), &motion(1e-3_f64.to_radians(), circle)));
+    assert!(!motion::counts(&channel("rad"), &motion(0.0, circle)));
+    assert!(!motion::counts(&channel("m"), &motion(1.22e-6, motion::Space::R)));
+}

@@ -17,12 +17,31 @@ pub fn motion(inspection: &Inspection) -> String {
     let p = &inspection.periodicity;
     match (p.kind, p.period) {
         (Kind::AtRest, _) => "at rest".to_owned(),
-        (Kind::Free, _) => "free, no drive".to_owned(),
+        (Kind::Free, _) => measured_drive(inspection).unwrap_or_else(|| "free, no drive".to_owned()),
         (Kind::Periodic, Some(1)) => "repeats every drive period".to_owned(),
         (Kind::Periodic, k) => format!("repeats every {} drive periods", k.unwrap_or(0)),
         (Kind::LocksLater, _) => format!("locks after {}", duration(p.locked_after_s.unwrap_or(0.0))),
         (Kind::ChaoticOrTransient, _) => "chaotic or transient".to_owned(),
     }
+}
+
+/// What drives a system without a stated drive: its measured inputs that move; none where none
+/// does.
+fn measured_drive(inspection: &Inspection) -> Option<String> {
+    let moving = inspection.coordinates.iter().filter(|c| c.input && c.greatest - c.least > 6.0 * c.step);
+    let names: Vec<String> = moving.map(|c| symbol_plain(&c.name)).collect();
+    (!names.is_empty()).then(|| format!("driven by the measured {}", names.join(" and ")))
+}
+
+/// Where most of a coordinate's motion is: a line, or a hump that stands above every line.
+fn strongest(c: &Coordinate) -> Option<String> {
+    let s = c.spectrum.as_ref()?;
+    if let Some(f) = s.hump_hz {
+        return Some(format!("strongest near {} Hz (broad)", significant(f, 2)));
+    }
+    let l = s.lines.first()?;
+    let name = l.name.as_ref().map_or(String::new(), |n| format!(" ({n})"));
+    Some(format!("strongest at {} Hz{name}", significant(l.frequency_hz, 3)))
 }
 
 /// One line on the drive: stated and found; none for a free system.
@@ -129,10 +148,7 @@ pub fn text(inspection: &Inspection) -> String {
         if c.step > 0.0 {
             parts.push(format!("q/√12 {}", quantity(c.quantisation_noise, &c.unit, 2)));
         }
-        if let Some(l) = c.spectrum.as_ref().and_then(|s| s.lines.first()) {
-            let name = l.name.as_ref().map_or(String::new(), |n| format!(" ({n})"));
-            parts.push(format!("strongest at {} Hz{name}", significant(l.frequency_hz, 3)));
-        }
+        parts.extend(strongest(c));
         line(&symbol_plain(&c.name), parts.join(", "));
     }
     out.push_str(&crate::phase_space::survey_text::text(&inspection.phase_space));

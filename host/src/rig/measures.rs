@@ -89,6 +89,14 @@ impl Rig {
     pub fn base(&self) -> Option<usize> {
         self.channel.iter().position(|c| c.measures == BASE)
     }
+
+    /// Channels that measure inputs, what moves the system from outside, rather than coordinates.
+    pub fn inputs(&self) -> Vec<usize> {
+        match &self.bound {
+            Some(bound) => bound.inputs.clone(),
+            None => self.pendulum().and_then(|_| self.base()).into_iter().collect(),
+        }
+    }
 }
 
 /// Refuses a channel of a built-in system that measures something else.
