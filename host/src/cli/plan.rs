@@ -11,7 +11,7 @@ use crate::error::{BadInput, Result};
 use crate::files::write_file;
 use crate::model::identified::IdentifiedModel;
 use crate::plan::goals::{Goals, Limits, Precise, Tell};
-use crate::plan::{Settings, plan, presentation};
+use crate::plan::{Settings, check_rig, plan, presentation};
 use crate::record::{ReadOptions, Record};
 use crate::rig::Rig;
 
@@ -60,6 +60,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let inputs = arguments.model.iter().chain(&arguments.limits).chain(&arguments.record);
     let files = Outputs::of(&arguments.out, Some(arguments.replace)).reads_rig(&rig).reads(inputs);
     files.result("-o", arguments.output.as_ref()).check()?;
+    check_rig(&rig)?;
     let Some(path) = &arguments.model else {
         return Err(BadInput::new("no model", "an identified model of this rig").at("--model").remedy(format!(
             "Identify a record first: whirl identify REC --rig {} -o MODEL.toml",

@@ -287,17 +287,35 @@ fn confirmed(task: &Task<'_>, best: &Proposal, tick: &(dyn Fn() + Sync)) -> Prop
     if all.is_empty() { best.clone() } else { task.proposal(&best.setting, &all, None) }
 }
 
+/// Refuses a rig with a measured input: a plan proposes drives and poses, and what an input will do
+/// in the next record it does not know.
+///
+/// # Errors
+/// Names the input and its channel.
+pub fn check_rig(rig: &Rig) -> Result<()> {
+    let Some(channel) = rig.inputs().first().map(|i| &rig.channel[*i]) else { return Ok(()) };
+    Err(BadInput::new(format!("the measured input {}", channel.measures), "a system without measured inputs")
+        .in_file(&rig.path)
+        .at(format!("channel \"{}\"", channel.name))
+        .remedy(
+            "A plan proposes drives and poses; what moves a measured input is not planned yet. Record longer, or with \
+             another excitation, and let `whirl explain` say what that record can tell",
+        ))
+}
+
 /// Makes a plan. `step` is told how many of how many steps are done.
 ///
 /// # Errors
-/// A model of another rig, goals that it does not have, limits that cannot be kept, noise that is
-/// not known; the first error of what was looked at, where every setting has one.
+/// A rig with a measured input, a model of another rig, goals that it does not have, limits that
+/// cannot be kept, noise that is not known; the first error of what was looked at, where every
+/// setting has one.
 pub fn plan(
     rig: &Rig,
     model: &IdentifiedModel,
     settings: &Settings<'_>,
     step: &(dyn Fn(u64, u64) + Sync),
 ) -> Result<Plan> {
+    check_rig(rig)?;
     check_goals(settings, model)?;
     let mut task = Task::new(rig, model, settings)?;
     let grid = task.grid()?;

@@ -76,8 +76,10 @@ fn what_cannot_be_planned_is_one_message() {
     std::fs::write(folder.join("plan.toml"), "format = 1\nrig = \"x\"\n[[run]]\nfrequency_hz = 5.0\nseconds = 5.0\n")
         .unwrap();
     rig_file(folder, "single-pendulum.toml", "single.toml", &[]);
+    rig_file(folder, "measured-base.toml", "base.toml", &[]);
     for (arguments, told) in [
         ("plan --rig rig.toml", "--model: found no model"),
+        ("plan --rig base.toml --model model.toml", "found the measured input base"),
         ("plan --rig rig.toml --model model.toml --precise Q=1%", "--precise: found \"Q\""),
         (
             "plan --rig rig.toml --model model.toml --tell play@joint1",
