@@ -45,6 +45,8 @@ struct Sums {
     range: Vec<Option<(f64, f64)>>,
     whirling: bool,
     absolute: Absolute,
+    /// Channels that show coordinates.
+    shown: Vec<usize>,
     /// A stretch's first sample as long as it is the only one: alone it is left out.
     waiting: Option<Vec<Vec<f64>>>,
     short: usize,
@@ -52,8 +54,8 @@ struct Sums {
 
 impl Sums {
     fn new(rig: &Rig) -> Self {
-        let n = rig.channel.len();
-        let units = releases::units(rig);
+        let (shown, units) = (releases::shown(rig), releases::units(rig));
+        let n = shown.len();
         let angles = units.iter().any(|u| u == "rad");
         let start = (f64::INFINITY, f64::NEG_INFINITY);
         Self {
@@ -63,6 +65,7 @@ impl Sums {
             range: units.iter().map(|u| (u == "rad").then_some(start)).collect(),
             whirling: false,
             absolute: Absolute::of(rig),
+            shown,
             waiting: None,
             short: 0,
         }
@@ -70,7 +73,7 @@ impl Sums {
 
     /// A part of a stretch.
     fn take(&mut self, block: &stream::Block) {
-        let mut columns = block.columns.clone();
+        let mut columns: Vec<Vec<f64>> = self.shown.iter().map(|c| block.columns[*c].clone()).collect();
         self.absolute.make(&mut columns);
         if block.begins {
             self.begin();
@@ -118,7 +121,8 @@ pub fn reduce(
     settings: &ReduceSettings,
     progress: &dyn Fn(u64),
 ) -> Result<(Reduction, u64)> {
-    super::check(settings, rig.channel.len())?;
+    let coordinates = releases::shown(rig).len();
+    super::check(settings, coordinates)?;
     if let Some(constraint) = settings.constraint.filter(|c| *c != Constraint::None) {
         return Err(BadInput::new(
             format!("{} for records that are taken block by block", format!("{constraint:?}").to_lowercase()),
@@ -162,7 +166,7 @@ pub fn reduce(
     let samples = sums.plain.count();
     warnings.push(Warning::new(
         "taken-block-by-block",
-        format!("{samples} samples of {} channels: modes and energies of all of them, and no model", rig.channel.len()),
+        format!("{samples} samples of {coordinates} channels: modes and energies of all of them, and no model"),
         format!("For a model hand in free swings of up to {LONG} numbers (rows times channels) together"),
     ));
     let faults = sums.watch.finish();

@@ -97,7 +97,7 @@ pub fn gather(records: &[Record], rig: &Rig) -> Result<Gathered> {
         whirling: false,
         warnings: Vec::new(),
     };
-    let absolute = Absolute::of(rig);
+    let (absolute, shown) = (Absolute::of(rig), shown(rig));
     let mut short = 0;
     for record in records {
         if (record.sample_rate_hz * step - 1.0).abs() > 1e-3 {
@@ -110,8 +110,9 @@ pub fn gather(records: &[Record], rig: &Rig) -> Result<Gathered> {
                 short += 1;
                 continue;
             }
+            let pairs = segment.columns.iter().zip(&record.channels).enumerate();
             let mut x: Vec<Vec<f64>> =
-                segment.columns.iter().zip(&record.channels).map(|(c, ch)| c.angle(ch)).collect();
+                pairs.filter(|(i, _)| shown.contains(i)).map(|(_, (c, ch))| c.angle(ch)).collect();
             absolute.make(&mut x);
             out.releases.push(x);
             out.sources.push((record.path.display().to_string(), i));
@@ -142,9 +143,9 @@ pub(super) struct Absolute(Option<(usize, usize)>);
 impl Absolute {
     /// Of a rig's channels.
     pub(super) fn of(rig: &Rig) -> Self {
-        let relative = rig.channel.iter().position(|c| c.measures == "theta2");
-        let base = rig.channel.iter().position(|c| c.measures == "theta1" || c.measures == "phi1");
-        Self(relative.zip(base))
+        let shown = shown(rig);
+        let measures = |name: &str| shown.iter().position(|c| rig.channel[*c].measures == name);
+        Self(measures("theta2").zip(measures("theta1").or_else(|| measures("phi1"))))
     }
 
     /// Adds the first arm's angle.
@@ -156,16 +157,22 @@ impl Absolute {
     }
 }
 
+/// Channels that show coordinates: what moves a system from outside is no part of its modes.
+pub(super) fn shown(rig: &Rig) -> Vec<usize> {
+    let inputs = rig.inputs();
+    (0..rig.channel.len()).filter(|c| !inputs.contains(c)).collect()
+}
+
 /// Coordinates.
 pub(super) fn names(rig: &Rig) -> Vec<String> {
     let absolute = Absolute::of(rig).0.is_some();
     let name = |m: &str| if absolute { m.replace("theta", "phi") } else { m.to_owned() };
-    rig.channel.iter().map(|c| name(&c.measures)).collect()
+    shown(rig).into_iter().map(|c| name(&rig.channel[c].measures)).collect()
 }
 
 /// SI unit of each.
 pub(super) fn units(rig: &Rig) -> Vec<String> {
-    rig.channel.iter().map(|c| c.si_unit().to_owned()).collect()
+    shown(rig).into_iter().map(|c| rig.channel[c].si_unit().to_owned()).collect()
 }
 
 /// The error for records of different rates.

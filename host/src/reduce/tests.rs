@@ -331,3 +331,22 @@ fn the_measured_triple_pendulum_has_the_known_energies() {
     }
     assert!(r.model.is_none() && r.modes_imaginary.is_none());
 }
+
+#[test]
+fn a_measured_input_is_no_coordinate() {
+    let rig = "name = \"axis\"\nmodel = \"positioning-drive\"\nsample_rate_hz = 100.0\n\
+        [[channel]]\nname = \"x0\"\nmeasures = \"force\"\nunit = \"N\"\n\
+        [[channel]]\nname = \"x1\"\nmeasures = \"q\"\nunit = \"m\"\n";
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("r.csv");
+    let row = |i: u32| vec![50.0 * (0.31 * f64::from(i)).cos(), (0.07 * f64::from(i)).sin()];
+    std::fs::write(&path, csv((0..2000).map(row), 0.01)).unwrap();
+    let r = reduced(rig, &[&path], &ReduceSettings::default()).unwrap();
+    assert_eq!((r.coordinates.as_slice(), r.units.as_slice()), (&["q".to_owned()][..], &["m".to_owned()][..]));
+    assert_eq!(r.modes.len(), 1);
+    let rig_path = folder.path().join("rig.toml");
+    std::fs::write(&rig_path, rig).unwrap();
+    let rig = Rig::read(&rig_path).unwrap();
+    let (l, _) = long::reduce(&[&path], &rig, &ReadOptions::default(), &ReduceSettings::default(), &|_| {}).unwrap();
+    assert_eq!((l.coordinates, l.modes.len()), (r.coordinates, 1));
+}
