@@ -222,6 +222,7 @@ fn what_makes_no_sense_is_refused_with_one_line() {
         ("identify r.csv --rig rig.toml --out r.csv", "a file that this command reads"),
         ("identify r.csv --rig rig.toml --out t.csv -o model.toml", "-o: found one file for many records"),
         ("identify r.csv --rig none.toml --out t.csv", "none.toml"),
+        ("identify none/*.csv --rig rig.toml --out t.csv", "none/*.csv: found a pattern that no file matches"),
         ("explain r.csv --rig rig.toml --out t.csv --forecast 0", "--forecast"),
         ("validate r.csv --rig rig.toml --model none.toml --out t.csv", "none.toml"),
         ("merge r.csv --out t.csv", "r.csv: columns: found other columns"),
@@ -239,4 +240,14 @@ fn what_makes_no_sense_is_refused_with_one_line() {
     assert_eq!(run.status, 1, "{run:?}");
     let rows = cells(at, "t.csv");
     assert_eq!((rows.len(), rows[1]["hash"].as_str(), rows[1]["exit_status"].as_str()), (2, "", "2"));
+    // No row is lost unasked; the same records are made anew.
+    let fewer = whirl(at, "batch identify r.csv --rig rig.toml --out t.csv");
+    assert!(fewer.status == 2 && fewer.stderr.contains("a row of gone.csv") && fewer.stderr.contains("--force"));
+    let part = whirl(at, "batch identify r.csv --rig rig.toml --out part.csv");
+    let merged = whirl(at, "batch merge part.csv --out t.csv");
+    assert!(part.status == 1 && merged.status == 2 && merged.stderr.contains("a row of gone.csv"), "{merged:?}");
+    assert_eq!(cells(at, "t.csv").len(), 2);
+    assert_eq!(whirl(at, "batch identify gone.csv r.csv --rig rig.toml --out t.csv").status, 1);
+    assert_eq!(whirl(at, "batch identify r.csv --rig rig.toml --out t.csv --force").status, 1);
+    assert_eq!(cells(at, "t.csv").len(), 1);
 }

@@ -38,6 +38,8 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         .check()?;
     let tables = arguments.tables.iter().map(|path| Ok((path.clone(), Table::read(path)?)));
     let merged = merge(tables.collect::<Result<_>>()?)?;
+    let files = merged.table.rows.iter().map(|row| row.text_of("file").to_owned()).collect();
+    super::keeps_rows(&arguments.out, &files, arguments.replace.force)?;
     write_file(&arguments.out, &merged.table.bytes(layout)?)?;
     Summary::of(&merged.table, &arguments.out, merged.of).give(&arguments.output)?;
     if merged.missing.is_empty() {

@@ -7,12 +7,14 @@ mod merge;
 mod page;
 mod run;
 
-use std::path::PathBuf;
+use std::collections::BTreeSet;
+use std::path::{Path, PathBuf};
 
 use clap::{ArgMatches, Args, Subcommand};
 
 use super::{Answer, explain, identify, validate};
-use crate::error::Result;
+use crate::batch::table::Table;
+use crate::error::{BadInput, Result};
 
 /// What is done with many records.
 #[derive(Debug, Subcommand)]
@@ -80,6 +82,21 @@ pub fn run(what: &What, matches: &ArgMatches) -> Result<Answer> {
         What::Validate(a) => run::run(a, matches),
         What::Merge(a) => merge::run(a),
     }
+}
+
+/// Refuses to lose rows of a table that is there: those of records that are not among `files`. The
+/// same records with other options are a result made anew, as of any other command.
+fn keeps_rows(table: &Path, files: &BTreeSet<String>, force: bool) -> Result<()> {
+    let Some(there) = Some(table).filter(|t| !force && t.exists()).and_then(|t| Table::read(t).ok()) else {
+        return Ok(());
+    };
+    let Some(lost) = there.rows.iter().map(|row| row.text_of("file")).find(|file| !files.contains(*file)) else {
+        return Ok(());
+    };
+    Err(BadInput::new(format!("a table with a row of {lost}, which is not among these records"), "a new table")
+        .in_file(table)
+        .at("--out")
+        .remedy("Name another output, or replace it with --force"))
 }
 
 /// The command line without what a single command writes for its one answer: it is refused with a

@@ -228,6 +228,23 @@ fn misused(rows: &[(usize, Row)]) -> Option<BadInput> {
     (error.starts_with("--") && rows.iter().all(|(_, row)| same(row))).then(|| BadInput::new(error, ""))
 }
 
+/// The records of a shard, or all of them.
+fn tasks(all: &[PathBuf], shard: Option<super::Shard>) -> Vec<Task<'_>> {
+    let shard = shard.unwrap_or(super::Shard { number: 1, of: 1 });
+    let tasks = all.iter().enumerate().map(|(i, path)| Task { index: i + 1, path });
+    tasks.skip(shard.number - 1).step_by(shard.of).collect()
+}
+
+/// Refuses a pattern that the shell handed on because no file matches it: as a record that cannot
+/// be read it would make a table of one row.
+fn matched(records: &[PathBuf]) -> Result<()> {
+    let is_pattern = |p: &Path| p.to_string_lossy().contains(['*', '?', '[']) && !p.exists();
+    let Some(pattern) = records.iter().find(|p| is_pattern(p)) else { return Ok(()) };
+    Err(BadInput::new("a pattern that no file matches", "records")
+        .in_file(pattern)
+        .remedy("Check the folder and the ending; patterns are resolved by the shell"))
+}
+
 /// Runs a batch.
 pub fn run<C: Single>(batch: &Of<C>, matches: Option<&ArgMatches>) -> Result<Answer> {
     let Common { records, rig, replace, out } = batch.single.common();
@@ -244,6 +261,12 @@ pub fn run<C: Single>(batch: &Of<C>, matches: Option<&ArgMatches>) -> Result<Ans
         .reads_rig(&rig)
         .batch("--out", &batch.out)
         .check()?;
+    matched(&records.records)?;
+    let tasks = tasks(&records.records, batch.shard);
+    if !batch.resume {
+        let files = tasks.iter().map(|t| t.path.display().to_string()).collect();
+        super::keeps_rows(&batch.out, &files, replace.force)?;
+    }
     let header = Header {
         format: FORMAT,
         command: C::NAME.to_owned(),
@@ -256,9 +279,6 @@ pub fn run<C: Single>(batch: &Of<C>, matches: Option<&ArgMatches>) -> Result<Ans
     records.part().validate()?;
     let (journal, found) = open(&batch.out, &header, batch.resume, replace.force)?;
     let all = &records.records;
-    let shard = batch.shard.unwrap_or(super::Shard { number: 1, of: 1 });
-    let tasks = all.iter().enumerate().map(|(i, path)| Task { index: i + 1, path });
-    let tasks: Vec<Task<'_>> = tasks.skip(shard.number - 1).step_by(shard.of).collect();
     let line = progress::of_records(tasks.len() as u64);
     // This line is all that is shown of the progress.
     progress::set_quiet(true);
