@@ -4,12 +4,12 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::output::{Output, Replace};
+use super::output::{Output, Replace, print_warnings};
 use super::outputs::Outputs;
 use super::{Answer, Columns};
 use crate::error::{BadInput, Result};
 use crate::files::write_file;
-use crate::init::{Settings, draft, write};
+use crate::init::{Settings, draft, garbled_names, write};
 use crate::record::ReadOptions;
 use crate::record::formats;
 use crate::wording::format::shell_word;
@@ -57,6 +57,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         needs_system: true,
     };
     let first = &arguments.records[0];
+    print_warnings(garbled_names(first).as_slice());
     let draft = draft(first, &settings)?;
     for other in &arguments.records[1..] {
         let names: Vec<String> = formats::columns(other, &draft.time)?.into_iter().map(|l| l.name).collect();

@@ -17,12 +17,14 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use self::columns::Seen;
-use crate::error::{BadInput, Result};
+use crate::error::{BadInput, Result, plain};
 use crate::record::names::TimeChoice;
-use crate::record::{ReadOptions, Record, metadata};
+use crate::record::{ReadOptions, Record, formats, metadata};
 use crate::rig::choices::Choices;
 use crate::rig::{Direction, Rig};
 use crate::system::library::Pendulum;
+use crate::warning::Warning;
+use crate::wording::format::shell_word;
 
 /// A statement of the rig file, why it was made, and whether it is a guess.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -187,6 +189,22 @@ pub fn draft(path: &Path, settings: &Settings) -> Result<Draft> {
         settle::settle(&mut draft, &seen, settings, &possible)?;
     }
     Ok(draft)
+}
+
+/// What to say of a record whose columns' names are no UTF-8: their units are then not read, so
+/// that time in `µs` passes for seconds.
+pub fn garbled_names(path: &Path) -> Option<Warning> {
+    let columns = formats::columns(path, &TimeChoice::default()).ok()?;
+    let garbled = columns.iter().find(|c| c.name.contains(char::REPLACEMENT_CHARACTER))?;
+    let file = shell_word(&path.display().to_string());
+    Some(Warning::new(
+        "names-not-utf8",
+        format!(
+            "the column {} is not named in UTF-8 (Latin-1, it may be): a unit such as ° or µ in it is not read",
+            plain(&garbled.name)
+        ),
+        format!("Save the file as UTF-8: iconv -f latin1 -t utf8 {file} > utf8.csv"),
+    ))
 }
 
 /// The rig file that one of whirl's own records carries.

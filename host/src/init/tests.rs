@@ -80,3 +80,16 @@ fn what_a_column_is_called_cannot_break_the_file() {
     d.name = "two\nlines".to_owned();
     assert_eq!(d.rig().unwrap().channel[0].name, name);
 }
+
+#[test]
+fn names_that_are_not_utf8_are_told_with_the_remedy() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("latin.csv");
+    let text = format!("Zeit [us];Weg [mm]\n{}", rows(50, |i| format!("{};{:.3}", 2000.0 * i, (0.3 * i).sin())));
+    std::fs::write(&path, &text).unwrap();
+    assert_eq!(garbled_names(&path), None);
+    let latin: Vec<u8> = text.bytes().enumerate().map(|(i, b)| if i == 6 { 0xb5 } else { b }).collect();
+    std::fs::write(&path, latin).unwrap();
+    let told = garbled_names(&path).unwrap();
+    assert!(told.id == "names-not-utf8" && told.advice.contains("iconv -f latin1 -t utf8"), "{told:?}");
+}

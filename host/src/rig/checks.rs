@@ -26,11 +26,26 @@ pub(super) fn table(text: &str, path: &Path) -> Result<RigFile> {
             },
         );
         let message = e.message().replace('\n', " ");
-        BadInput::new(message.trim().to_owned(), "")
-            .in_file(path)
-            .at(place)
-            .remedy("Correct this key; the keys of a rig file are listed in docs/rig-file.md")
+        let line = e.span().map_or("", |span| line_at(text, span.start));
+        BadInput::new(message.trim().to_owned(), "").in_file(path).at(place).remedy(remedy(&message, line))
     })
+}
+
+/// The line of a byte.
+fn line_at(text: &str, at: usize) -> &str {
+    let from = text.get(..at).and_then(|before| before.rfind('\n')).map_or(0, |i| i + 1);
+    text.get(from..).and_then(|rest| rest.lines().next()).unwrap_or("")
+}
+
+/// What to do about a message of the TOML reader: it says what it met, not how it came about.
+fn remedy(message: &str, line: &str) -> &'static str {
+    if line.trim_start().starts_with("[channel]") {
+        return "Write [[channel]] with two brackets: each is one of a list";
+    }
+    if message.contains("invalid basic string") || message.contains("invalid literal string") {
+        return "Close the quote: a text stands between two of them on one line";
+    }
+    "Correct this key; the keys of a rig file are listed in docs/rig-file.md"
 }
 
 /// The error for a rig file without a rate where nothing says it.
@@ -212,5 +227,20 @@ mod tests {
         let text = text.replace("model", "time_unit = \"days\"\nmodel");
         let message = Rig::parse(&text, Path::new("rig.toml")).unwrap_err().to_string();
         assert!(message.contains("time_unit: found \"days\", expected one of s, ms, us"), "{message}");
+    }
+
+    #[test]
+    fn what_the_reader_of_toml_met_has_a_remedy() {
+        let head = "name = \"x\"\nmodel = \"other\"\nsample_rate_hz = 100.0\n";
+        let channel = "[channel]\nname = \"q\"\nmeasures = \"q\"\nunit = \"m\"\n";
+        for (text, remedy) in [
+            (format!("{head}{channel}"), "Write [[channel]] with two brackets"),
+            (format!("{head}{channel}{channel}"), "Write [[channel]] with two brackets"),
+            (head.replace("other\"", "other"), "Close the quote"),
+            (format!("{head}colour = 1\n"), "the keys of a rig file are listed"),
+        ] {
+            let told = Rig::parse(&text, Path::new("rig.toml")).unwrap_err().to_string();
+            assert!(told.contains(remedy), "{told}");
+        }
     }
 }
