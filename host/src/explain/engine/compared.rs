@@ -77,7 +77,7 @@ pub fn compare(
     let stretch = setting.raw.get(at.0)?;
     let count = (span_s / stretch.step_s).round() as usize + 1;
     let measured = stretch.sensors(&setting.bound).get(shown)?.get(at.1..at.1 + count)?.to_vec();
-    let unit = Unit::of(setting.rig, setting.whole);
+    let unit = Unit::of_sensor(setting.rig, &setting.bound, shown);
     // An angle that has turned several times is shown near 0.
     let turn = core::f64::consts::TAU;
     let turned = if unit.name == "deg" { (measured.first()? / turn).round() * turn } else { 0.0 };

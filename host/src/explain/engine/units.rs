@@ -85,14 +85,21 @@ impl Unit {
     pub fn of(rig: &Rig, bound: &ObservedModel) -> Self {
         let units: Vec<String> = (0..bound.model.coordinates.len()).map(|k| si_unit(rig, bound, k)).collect();
         match units.first() {
-            Some(first) if units.iter().all(|u| u == first) => {
-                let degrees = first == "rad";
-                Self {
-                    name: if degrees { "deg".to_owned() } else { first.clone() },
-                    factor: if degrees { 180.0 / core::f64::consts::PI } else { 1.0 },
-                }
-            }
+            Some(first) if units.iter().all(|u| u == first) => Self::named(first),
             _ => Self { name: "SI".to_owned(), factor: 1.0 },
+        }
+    }
+
+    /// For what one sensor shows: its own unit, whatever the others have.
+    pub fn of_sensor(rig: &Rig, bound: &ObservedModel, sensor: usize) -> Self {
+        Self::named(rig.channel[bound.sensors[sensor]].si_unit())
+    }
+
+    /// For an SI unit.
+    fn named(unit: &str) -> Self {
+        match unit {
+            "rad" => Self { name: "deg".to_owned(), factor: 180.0 / core::f64::consts::PI },
+            other => Self { name: other.to_owned(), factor: 1.0 },
         }
     }
 }
@@ -119,6 +126,17 @@ mod tests {
         for (unit, told) in [("mm", "m"), ("mV", "V"), ("mN", "N"), ("kN", "N"), ("deg", "deg")] {
             rig.channel[bound.sensors[0]].unit = unit.to_owned();
             assert_eq!(Unit::of(&rig, &bound).name, told, "{unit}");
+        }
+    }
+
+    #[test]
+    fn what_one_sensor_shows_is_told_in_its_own_unit() {
+        let mut rig = Rig::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/duffing.toml")).unwrap();
+        let bound = rig.bound.clone().unwrap();
+        for (unit, told, factor) in [("rad", "deg", 180.0 / core::f64::consts::PI), ("mm", "m", 1.0)] {
+            rig.channel[bound.sensors[0]].unit = unit.to_owned();
+            let found = Unit::of_sensor(&rig, &bound, 0);
+            assert_eq!((found.name.as_str(), found.factor), (told, factor));
         }
     }
 }
