@@ -8,7 +8,7 @@ use super::output::{Output, Replace, command_line, print_warnings};
 use super::outputs::Outputs;
 use super::{Answer, Records};
 use crate::error::Result;
-use crate::init::{Settings, draft, write};
+use crate::init::{Settings, draft, garbled_names, write};
 use crate::inspect::{InspectSettings, Inspection, inspect};
 use crate::record::Record;
 use crate::record::formats::ReadOptions;
@@ -53,6 +53,7 @@ fn assumed(arguments: &Arguments) -> Result<Rig> {
         output: PathBuf::from("rig.toml"),
         ..Settings::default()
     };
+    print_warnings(garbled_names(&records.records[0]).as_slice());
     let draft = draft(&records.records[0], &settings)?;
     arguments.out.say(&format!("{}\n", write::human(&draft)));
     draft.rig()
