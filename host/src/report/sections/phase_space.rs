@@ -80,7 +80,7 @@ fn delays(body: &mut Html, space: &PhaseSpace) {
     }
     body.figure(&lines(
         &format!(
-            "Average mutual information (2.18), {} bins, {} samples; the lines mark each coordinate's delay: the first minimum \
+            "Average mutual information, {} bins, {} samples; the lines mark each coordinate's delay: the first minimum \
              that is not weak.",
             space.settings.bins, space.samples
         ),
