@@ -28,7 +28,7 @@ pub fn card(e: &Explanation, rig: &Rig) -> Card {
         out.parameters = parameters(e, out.equations.as_ref());
         out.gap = gap(e);
         out.picture = e.prediction.clone();
-        let test = |f: &Found| format!("{}: {}.", capitalised(&names::effect(&f.name())), f.confirm);
+        let test = |f: &Found| format!("{}: {}.", names::capitalised(&names::effect(&f.name())), f.confirm);
         out.confirm = e.effects.iter().filter(|f| !f.confirm.is_empty()).map(test).collect();
     }
     out.undecided = undecided(e);
@@ -44,11 +44,6 @@ pub fn equations(model: &IdentifiedModel, rig: &Rig) -> Option<WrittenOut> {
         out.notes.push(format!("B and C are torques divided by the arm's moment of inertia{powers}."));
     }
     Some(out)
-}
-
-fn capitalised(text: &str) -> String {
-    let mut letters = text.chars();
-    letters.next().map_or_else(String::new, |c| c.to_uppercase().chain(letters).collect())
 }
 
 /// What a number of noise floors is a multiple of.
@@ -155,7 +150,7 @@ fn parameters(e: &Explanation, equations: Option<&WrittenOut>) -> Vec<CardRow> {
         let after = found.map_or(row.after, |f| (f.value, f.std_error));
         match p.name.contains('@') {
             true => {
-                CardRow { symbol: String::new(), plain: capitalised(&names::effect(&p.name)), before, after, ..row }
+                CardRow { symbol: String::new(), plain: names::capitalised(&names::effect(&p.name)), before, after, ..row }
             }
             false => CardRow { before, after, ..row },
         }

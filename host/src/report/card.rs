@@ -10,7 +10,7 @@ use super::figures::Figure;
 use super::figures::axis::Axis;
 use super::figures::palette::MEASURED;
 use super::figures::panel::{Layout, Panel, Rule, Series, Shape};
-use super::html::{Align, Html, escape};
+use super::html::{Align, Html, escape, marked};
 use crate::explain::engine::compared::Compared;
 use crate::export::written_out::{WrittenEquation, WrittenOut, WrittenTerm};
 use crate::identify::Parameter;
@@ -227,7 +227,7 @@ impl Card {
     /// The card in a page.
     pub fn html(&self) -> Html {
         let mut body = Html::new();
-        body.0.push_str(&format!("<p class=verdict>{}</p>\n", escape(&self.verdict)));
+        body.0.push_str(&format!("<p class=verdict>{}</p>\n", marked(&self.verdict)));
         if let Some(e) = &self.equations {
             body.heading("Equations of motion");
             e.equations.iter().for_each(|e| equation(&mut body, e));

@@ -2,7 +2,27 @@
 
 use std::fmt;
 
+use crate::wording::names::sentence;
 pub use crate::wording::symbols::escape;
+
+/// Escaped text in which what stands between backticks is set as code.
+pub fn marked(text: &str) -> String {
+    let mut out = String::new();
+    let mut rest = text;
+    while let Some((before, code, after)) = split_code(rest) {
+        out.push_str(&format!("{}<code>{}</code>", escape(before), escape(code)));
+        rest = after;
+    }
+    out.push_str(&escape(rest));
+    out
+}
+
+/// What stands before, between and behind a text's first two backticks.
+fn split_code(text: &str) -> Option<(&str, &str, &str)> {
+    let (before, rest) = text.split_once('`')?;
+    let (code, after) = rest.split_once('`')?;
+    Some((before, code, after))
+}
 
 /// HTML that may be written as it is.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -45,15 +65,20 @@ impl Html {
         self
     }
 
-    /// Appends a paragraph of plain text.
+    /// Escaped text with its code marked.
+    pub fn marked(text: &str) -> Self {
+        Self(marked(text))
+    }
+
+    /// Appends a paragraph: sentences, as plain text with its code between backticks.
     pub fn paragraph(&mut self, text: &str) -> &mut Self {
-        self.0.push_str(&format!("<p>{}</p>\n", escape(text)));
+        self.0.push_str(&format!("<p>{}</p>\n", marked(&sentence(text))));
         self
     }
 
     /// Appends a heading inside a section.
     pub fn heading(&mut self, text: &str) -> &mut Self {
-        self.0.push_str(&format!("<h3>{}</h3>\n", escape(text)));
+        self.0.push_str(&format!("<h3>{}</h3>\n", marked(text)));
         self
     }
 
@@ -127,5 +152,15 @@ mod tests {
         h.paragraph(nasty).heading(nasty).facts(&[(nasty, nasty.to_owned())]);
         h.table(&[(Html::text(nasty), Align::Left)], &[vec![Html::symbol(nasty)], vec![]]);
         assert!(!h.0.contains("<script"));
+    }
+
+    #[test]
+    fn what_stands_between_backticks_is_code() {
+        let mut h = Html::new();
+        h.heading("The model by `whirl explain`").paragraph("run `a < b`, or one ` alone <i>");
+        assert_eq!(
+            h.0,
+            "<h3>The model by <code>whirl explain</code></h3>\n<p>Run <code>a &lt; b</code>, or one ` alone &lt;i&gt;</p>\n"
+        );
     }
 }

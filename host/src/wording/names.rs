@@ -91,6 +91,20 @@ pub fn parameter(name: &str) -> Option<&'static str> {
     })
 }
 
+/// A text with a capital letter first.
+pub fn capitalised(text: &str) -> String {
+    let mut letters = text.chars();
+    letters.next().map_or_else(String::new, |c| c.to_uppercase().chain(letters).collect())
+}
+
+/// A text as a sentence of its own: with a capital letter first, unless it begins with a symbol, a
+/// number or the name of a file.
+pub fn sentence(text: &str) -> String {
+    let first = text.split_whitespace().next().unwrap_or_default().trim_end_matches([',', ';', ':']);
+    let word = first.len() > 1 && first.chars().all(|c| c.is_ascii_lowercase() || c == '-');
+    if word { capitalised(text) } else { text.to_owned() }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -113,6 +127,21 @@ mod tests {
         }
         let names = ["a", "b", "c"].map(str::to_owned);
         assert_eq!((listed(&names), listed(&names[..1])), ("a, b and c".to_owned(), "a".to_owned()));
+    }
+
+    #[test]
+    fn a_sentence_begins_with_a_capital_letter_unless_with_a_symbol_or_a_name() {
+        for (text, sentence) in [
+            ("what is left has", "What is left has"),
+            ("residuals, all of them", "Residuals, all of them"),
+            ("t deviates", "t deviates"),
+            ("theta1 and theta2", "theta1 and theta2"),
+            ("run.csv: one line", "run.csv: one line"),
+            ("φ₁ turns", "φ₁ turns"),
+            ("", ""),
+        ] {
+            assert_eq!(super::sentence(text), sentence);
+        }
     }
 
     #[test]

@@ -41,7 +41,8 @@ fn the_demo_ends_with_one_report_that_puts_the_truth_beside_the_answer() {
     let next = "The next experiment: ";
     let last: Vec<&str> = told.trim_end().lines().rev().take(2).collect();
     assert!(last[0].starts_with("report: ") && last[1].starts_with(next) && last[1].contains(" Hz at "), "{last:?}");
-    assert!(page[truth..].contains(&last[1][..last[1].find(',').unwrap()]));
+    let setting = &last[1][next.len()..last[1].find(',').unwrap()];
+    assert!(page[truth..].contains(&format!("<p>{setting}")) && !page[truth..].contains(next), "{setting}");
     let out = json(&folder.path().join("out.json"));
     assert!(
         out["plan"]["best"]["parameters"]

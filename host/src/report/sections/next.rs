@@ -10,7 +10,8 @@ pub const SECTION: SectionKind = SectionKind { id: "next", title: "The next expe
 fn render(results: &Results) -> Option<Html> {
     let plan = results.get::<Plan>()?;
     let mut body = Html::new();
-    body.paragraph(&presentation::headline(plan));
+    // The section's title says what it is.
+    body.paragraph(&presentation::line(plan).unwrap_or_else(|| presentation::headline(plan)));
     Some(body)
 }
 

@@ -44,7 +44,7 @@ fn one(body: &mut Html, v: &Validation) {
         .checks
         .iter()
         .map(|c| {
-            [c.name, if c.passed { "passed" } else { "failed" }, &c.message].iter().map(|t| Html::text(t)).collect()
+            [c.name, if c.passed { "passed" } else { "failed" }, &c.message].iter().map(|t| Html::marked(t)).collect()
         })
         .collect();
     body.table(&[head("check", Align::Left), head("", Align::Left), head("numbers", Align::Left)], &rows);

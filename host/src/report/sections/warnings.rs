@@ -3,9 +3,10 @@
 use serde::Serialize;
 
 use crate::inspect::Inspection;
-use crate::report::html::{Html, escape};
+use crate::report::html::{Html, escape, marked};
 use crate::report::{Results, SectionKind};
 use crate::warning::Warning;
+use crate::wording::names::sentence;
 
 /// Warnings of an analysis other than the inspection.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -32,8 +33,8 @@ fn render(results: &Results) -> Option<Html> {
         let place = file.filter(|_| several).map_or(String::new(), |f| format!("{}: ", escape(f)));
         body.0.push_str(&format!(
             "<div class=warning><b>{place}{}</b>{}</div>\n",
-            escape(&warning.text),
-            escape(&warning.advice)
+            marked(&if place.is_empty() { sentence(&warning.text) } else { warning.text.clone() }),
+            marked(&sentence(&warning.advice))
         ));
     }
     (!seen.is_empty()).then_some(body)
