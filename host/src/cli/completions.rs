@@ -5,8 +5,16 @@ use clap::Args;
 use super::Answer;
 use crate::error::Result;
 
+/// Where each shell looks for them.
+const PLACES: &str = "\
+Where to put them (a new shell finds them there):
+  bash  whirl completions bash > ~/.local/share/bash-completion/completions/whirl
+  zsh   whirl completions zsh > ~/.zfunc/_whirl, with `fpath+=~/.zfunc` above compinit in ~/.zshrc
+  fish  whirl completions fish > ~/.config/fish/completions/whirl.fish";
+
 /// Arguments of `completions`.
 #[derive(Debug, Args)]
+#[command(after_help = PLACES)]
 pub struct Arguments {
     /// Shell.
     shell: clap_complete::Shell,

@@ -95,7 +95,13 @@ pub fn run(link: &Link) -> Result<Answer> {
                 Err(e) => (None, Some(e.found)),
             }
         } else {
-            (None, Some("not asked: no maker of boards that whirl knows (--from asks it)".to_owned()))
+            (
+                None,
+                Some(
+                    "not asked, since whirl knows no boards of this port's maker (--from PORT asks it all the same)"
+                        .to_owned(),
+                ),
+            )
         };
         list.push(Port { from, usb: usb(&port).map(|(_, text)| text), device, why });
     }
@@ -114,7 +120,7 @@ fn human(list: &[Port]) -> String {
     for port in list {
         let what = match (&port.device, &port.why) {
             (Some(device), _) => device.words(),
-            (None, why) => format!("no board: {}", plain(why.as_deref().unwrap_or_default())),
+            (None, why) => format!("no board found: {}", plain(why.as_deref().unwrap_or_default())),
         };
         let usb = port.usb.as_ref().map_or_else(String::new, |usb| format!("  {usb}"));
         text.push_str(&format!("{:<24}{usb}  {what}\n", plain(&port.from)));

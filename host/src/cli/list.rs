@@ -28,8 +28,8 @@ pub enum What {
 pub struct Arguments {
     /// What to list.
     what: What,
-    /// Print the file of one model (a system file to copy and change), or with effects the file of
-    /// all effects.
+    /// Print the file of one model (a system file to copy and change), or with effects what is known
+    /// of one, its laboratory test too; without NAME the file of all effects.
     #[arg(long, value_name = "NAME", num_args = 0..=1, default_missing_value = "")]
     show: Option<String>,
     /// List the effects of this file too (docs/effects.md); may be given several times.
@@ -76,12 +76,9 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
 fn show(out: &super::output::Output, what: What, name: &str) -> Result<Answer> {
     match what {
         What::Models => {}
-        What::Effects => {
-            out.say(crate::effects::TEXT);
-            return Ok(Answer::Positive);
-        }
+        What::Effects => return show_effect(out, name),
         What::Boards | What::Methods => {
-            return Err(BadInput::new("--show", "whirl list models --show NAME, or whirl list effects --show")
+            return Err(BadInput::new("--show", "whirl list models --show NAME, or whirl list effects --show ID")
                 .at("--show")
                 .remedy("Only models and effects have files to show"));
         }
@@ -93,6 +90,21 @@ fn show(out: &super::output::Output, what: What, name: &str) -> Result<Answer> {
             .remedy("Name one of the systems that ship as files")
     })?;
     out.say(text);
+    Ok(Answer::Positive)
+}
+
+/// Prints one effect's entry, or all of them where none is named.
+fn show_effect(out: &super::output::Output, id: &str) -> Result<Answer> {
+    if id.is_empty() {
+        out.say(crate::effects::TEXT);
+        return Ok(Answer::Positive);
+    }
+    let text = crate::effects::text_of(id).ok_or_else(|| {
+        BadInput::new(format!("\"{id}\""), "an effect of `whirl list effects`")
+            .at("--show")
+            .remedy("Name one without its place, such as quadratic-drag")
+    })?;
+    out.say(&format!("[[effect]]\n{text}\n"));
     Ok(Answer::Positive)
 }
 

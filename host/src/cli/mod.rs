@@ -146,11 +146,16 @@ impl Judgement {
 
     /// Negative where a warning says that the answer cannot stand.
     fn of(warnings: &[Warning]) -> Self {
-        let reasons: Vec<&str> = warnings.iter().filter(|w| w.invalidates).map(|w| w.id).collect();
+        // The first words of each: all of them stand in the warning.
+        let words = |w: &Warning| match w.text.split([':', ';']).next() {
+            Some(words) if words.contains(' ') => words.trim_end_matches('.').to_owned(),
+            _ => w.text.clone(),
+        };
+        let reasons: Vec<String> = warnings.iter().filter(|w| w.invalidates).map(words).collect();
         if reasons.is_empty() {
             return Self::default();
         }
-        Self::negative(Some(format!("this answer cannot stand: {} (see the warnings)", reasons.join(", "))))
+        Self::negative(Some(format!("this answer cannot stand: {} (see the warnings)", reasons.join("; "))))
     }
 
     /// Negative where either is.

@@ -47,6 +47,12 @@ use crate::model::model_file::toml_place::Source;
 /// The text of the catalogue.
 pub const TEXT: &str = include_str!("effects.toml");
 
+/// The text of one entry of the catalogue.
+pub fn text_of(id: &str) -> Option<&'static str> {
+    let first = format!("id = \"{id}\"\n");
+    TEXT.split("[[effect]]\n").find(|entry| entry.starts_with(&first)).map(str::trim_end)
+}
+
 /// The catalogue.
 ///
 /// # Panics
@@ -82,6 +88,7 @@ mod tests {
         let all = entry::read_beside(&source, core::iter::empty()).unwrap();
         assert_eq!(all.len(), TEXT.matches("[[effect]]").count());
         assert_eq!(all.len(), catalogue().len());
+        assert!(all.iter().all(|e| text_of(&e.id).is_some_and(|t| t.contains("\nconfirm = "))));
         assert!(all.iter().all(|e| e.takes_from.is_none() || e.positive[0]));
     }
 

@@ -1,11 +1,13 @@
 //! The card of an explanation: see [`crate::report::card`].
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::explanation::Found;
 use super::gap::Miss;
 use super::reason::{Criterion, Reason};
 use super::{DecidedBy, Explanation, Step, Verdict};
+use crate::effects::text_of;
 use crate::export::written_out::{WrittenOut, written_out};
 use crate::identify::Parameter;
 use crate::model::identified::IdentifiedModel;
@@ -149,9 +151,13 @@ fn parameters(e: &Explanation, equations: Option<&WrittenOut>) -> Vec<CardRow> {
         let row = CardRow::of(p, equations);
         let after = found.map_or(row.after, |f| (f.value, f.std_error));
         match p.name.contains('@') {
-            true => {
-                CardRow { symbol: String::new(), plain: names::capitalised(&names::effect(&p.name)), before, after, ..row }
-            }
+            true => CardRow {
+                symbol: String::new(),
+                plain: names::capitalised(&names::effect(&p.name)),
+                before,
+                after,
+                ..row
+            },
             false => CardRow { before, after, ..row },
         }
     };
@@ -186,15 +192,31 @@ fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
     (heading, e.gap.steps.iter().zip(&misses).enumerate().map(bar).collect())
 }
 
+/// The command that prints the laboratory tests of an effect and of those that it is not told from;
+/// of a user's own, their file has them.
+fn laboratory(f: &Found) -> String {
+    let id = |name: &String| name.split('@').next().unwrap_or_default().to_owned();
+    let mut ids: Vec<String> = core::iter::once(&f.id).chain(&f.indistinguishable_from).map(id).collect();
+    ids.retain(|id| text_of(id).is_some());
+    let mut seen = BTreeSet::new();
+    ids.retain(|id| seen.insert(id.clone()));
+    match &ids[..] {
+        [] => String::new(),
+        [one] => format!(" (`whirl list effects --show {one}` prints it)"),
+        _ => format!(" (`whirl list effects --show ID` prints it, ID being {})", ids.join(", ")),
+    }
+}
+
 /// What could not be decided, and what to do for it.
 fn undecided(e: &Explanation) -> Vec<String> {
     let mut out = Vec::new();
     for f in e.effects.iter().filter(|f| !f.indistinguishable_from.is_empty()) {
         let others: Vec<String> = f.indistinguishable_from.iter().map(|n| names::effect(n)).collect();
         out.push(format!(
-            "This record does not tell {} from {}: the laboratory test of each does (`whirl list effects`).",
+            "This record does not tell {} from {}: the laboratory test of each does{}.",
             names::effect(&f.name()),
-            names::listed(&others)
+            names::listed(&others),
+            laboratory(f)
         ));
     }
     for p in e.parameters.iter().filter(|p| p.std_error.is_infinite()) {
@@ -268,7 +290,9 @@ mod tests {
         assert_eq!((row.before, row.after, row.unit.as_str()), (Some((0.05455, 4e-5)), (0.048493, 5.6e-6), ""));
         assert!(row.plain.contains("viscous friction in joint 2"));
         assert_eq!(card.confirm, ["Quadratic drag on arm 2: repeat with a paper sail."]);
-        assert!(card.undecided[0].contains("viscous friction in joint 1"), "{:?}", card.undecided);
+        let told = "from viscous friction in joint 1: the laboratory test of each does (`whirl list effects --show ID` prints it, ID being \
+                    quadratic-drag, viscous-friction).";
+        assert!(card.undecided[0].ends_with(told), "{:?}", card.undecided);
     }
 
     fn residual() -> Residual {

@@ -6,6 +6,7 @@ use crate::model::model_file::ModelFile;
 use crate::rig::Rig;
 use crate::system::ties::{self, Identified};
 use crate::warning::Warning;
+use crate::wording::names::listed;
 
 /// Id of the warning about what stays open.
 pub const OPEN: &str = "undetermined";
@@ -26,8 +27,8 @@ pub fn add(
     if !fit.undetermined.is_empty() {
         let advice = match fit.wanted {
             Some((name, follow)) if !follow.is_empty() => format!(
-                "Add what you know to [known] in the rig file: with {name}, {} {}",
-                follow.join(", "),
+                "Add what you know to [known] in the rig file: with {name} given, {} {}",
+                listed(&follow),
                 if follow.len() == 1 { "follows" } else { "follow" }
             ),
             _ => {

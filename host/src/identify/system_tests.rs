@@ -77,7 +77,10 @@ input.force = [{ kind = "random", rms = 4.0, from_hz = 0.2, to_hz = 3.0 }]
 "#;
     let result = recovered(text, 60.0, &["J", "k", "g"], &[("mass", 1.2), ("moment", 0.06)]);
     let open = result.warnings.iter().find(|w| w.id == "undetermined").unwrap();
-    assert!(open.text.ends_with("M, m, e") && open.advice.contains("follow"), "{open:?}");
+    assert!(
+        open.text.ends_with("M, m, e") && open.advice.contains(" given, ") && open.advice.contains(" follow"),
+        "{open:?}"
+    );
 }
 
 /// A system of which the program knows nothing but its file.
