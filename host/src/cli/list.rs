@@ -105,6 +105,11 @@ fn show_effect(out: &super::output::Output, id: &str) -> Result<Answer> {
             .remedy("Name one without its place, such as quadratic-drag")
     })?;
     out.say(&format!("[[effect]]\n{text}\n"));
+    // What is the same as another's entry stands there.
+    let other = text.lines().find_map(|line| line.strip_prefix("same_as = "));
+    if let Some(text) = other.and_then(|id| crate::effects::text_of(id.trim_matches('"'))) {
+        out.say(&format!("\n[[effect]]\n{text}\n"));
+    }
     Ok(Answer::Positive)
 }
 

@@ -50,7 +50,9 @@ pub const TEXT: &str = include_str!("effects.toml");
 /// The text of one entry of the catalogue.
 pub fn text_of(id: &str) -> Option<&'static str> {
     let first = format!("id = \"{id}\"\n");
-    TEXT.split("[[effect]]\n").find(|entry| entry.starts_with(&first)).map(str::trim_end)
+    let entry = TEXT.split("[[effect]]\n").find(|entry| entry.starts_with(&first))?;
+    // Behind an empty line stands what belongs to the next one.
+    Some(entry.split("\n\n").next().unwrap_or(entry).trim_end())
 }
 
 /// The catalogue.
@@ -88,7 +90,8 @@ mod tests {
         let all = entry::read_beside(&source, core::iter::empty()).unwrap();
         assert_eq!(all.len(), TEXT.matches("[[effect]]").count());
         assert_eq!(all.len(), catalogue().len());
-        assert!(all.iter().all(|e| text_of(&e.id).is_some_and(|t| t.contains("\nconfirm = "))));
+        let told = |t: &str| t.contains("\nconfirm = ") || t.contains("\nsame_as = ");
+        assert!(all.iter().all(|e| text_of(&e.id).is_some_and(told)));
         assert!(all.iter().all(|e| e.takes_from.is_none() || e.positive[0]));
     }
 

@@ -71,6 +71,7 @@ fn usage_errors_end_with_status_2_and_lists_with_0() {
     assert!(done(at, "list models --show cart-pendulum").contains("[[body]]"));
     let drag = done(at, "list effects --show quadratic-drag");
     assert!(drag.contains("\nconfirm = ") && drag.matches("[[effect]]").count() == 1, "{drag}");
+    assert!(done(at, "list effects --show vertical-motion").contains("\nconfirm = "));
     assert_eq!(whirl(at, "list effects --show nothing").status, 2);
     assert!(done(at, "--version").starts_with("whirl "));
     for command in ["demo", "simulate", "capture", "inspect", "identify", "list"] {
