@@ -47,12 +47,11 @@ use crate::model::model_file::toml_place::Source;
 /// The text of the catalogue.
 pub const TEXT: &str = include_str!("effects.toml");
 
-/// The text of one entry of the catalogue.
-pub fn text_of(id: &str) -> Option<&'static str> {
-    let first = format!("id = \"{id}\"\n");
-    let entry = TEXT.split("[[effect]]\n").find(|entry| entry.starts_with(&first))?;
-    // Behind an empty line stands what belongs to the next one.
-    Some(entry.split("\n\n").next().unwrap_or(entry).trim_end())
+/// The text of one entry of the catalogue, up to the empty line behind it.
+pub fn text_of(id: &str) -> Option<String> {
+    let first = format!("id = \"{id}\"");
+    let entry: Vec<&str> = TEXT.lines().skip_while(|l| *l != first).take_while(|l| !l.is_empty()).collect();
+    (!entry.is_empty()).then(|| entry.join("\n"))
 }
 
 /// The catalogue.
@@ -90,7 +89,7 @@ mod tests {
         let all = entry::read_beside(&source, core::iter::empty()).unwrap();
         assert_eq!(all.len(), TEXT.matches("[[effect]]").count());
         assert_eq!(all.len(), catalogue().len());
-        let told = |t: &str| t.contains("\nconfirm = ") || t.contains("\nsame_as = ");
+        let told = |t: String| t.contains("\nconfirm = ") || t.contains("\nsame_as = ");
         assert!(all.iter().all(|e| text_of(&e.id).is_some_and(told)));
         assert!(all.iter().all(|e| e.takes_from.is_none() || e.positive[0]));
     }
