@@ -48,6 +48,7 @@ use crate::record::names::TimeChoice;
 use crate::rig::Rig;
 use crate::rig::choices::{self, Choices};
 use crate::warning::Warning;
+use crate::wording::names::inside;
 use output::{Output, Replace};
 use outputs::Outputs;
 
@@ -148,8 +149,8 @@ impl Judgement {
     fn of(warnings: &[Warning]) -> Self {
         // The first words of each: all of them stand in the warning.
         let words = |w: &Warning| match w.text.split([':', ';']).next() {
-            Some(words) if words.contains(' ') => words.trim_end_matches('.').to_owned(),
-            _ => w.text.clone(),
+            Some(words) if words.contains(' ') => inside(words.trim_end_matches('.')),
+            _ => inside(&w.text),
         };
         let reasons: Vec<String> = warnings.iter().filter(|w| w.invalidates).map(words).collect();
         if reasons.is_empty() {

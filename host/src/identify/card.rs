@@ -26,15 +26,6 @@ pub fn card(result: &Identification, rig: &Rig) -> Card {
     }
 }
 
-/// A sentence as part of another: a word begins with a small letter, a symbol stays.
-fn inside(text: &str) -> String {
-    let mut letters = text.chars();
-    match (letters.next(), letters.clone().next()) {
-        (Some(first), Some(second)) if second.is_lowercase() => first.to_lowercase().chain(letters).collect(),
-        _ => text.to_owned(),
-    }
-}
-
 /// What was identified, how well, and whether it stands.
 fn sentence(result: &Identification) -> String {
     let mut known: Vec<f64> = result
@@ -53,7 +44,7 @@ fn sentence(result: &Identification) -> String {
         }
     });
     let stands = if let Some(w) = result.warnings.iter().find(|w| w.invalidates) {
-        format!("but this answer cannot stand: {}", inside(w.text.trim_end_matches('.')))
+        format!("but this answer cannot stand: {}", names::inside(w.text.trim_end_matches('.')))
     } else if !result.within_bound() {
         "but its equations do not balance on this record: something is missing, run `whirl explain`".to_owned()
     } else if result.warnings.iter().any(|w| ["model-misses-something", "more-than-noise"].contains(&w.id)) {

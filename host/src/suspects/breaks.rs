@@ -148,7 +148,7 @@ impl Judge {
                 }
             }
             found.retain(|f| f.z > self.limit && f.size.abs() > 2.0 * bend && f.size.abs() > 1.5 * trace.quantum);
-            found.retain(|f| f.kind != Kind::Slip || is_same_closer(trace, f));
+            found.retain(|f| f.kind == Kind::Spike || has_its_height(trace, f));
             // The greatest come first: where they are motion, so are the others.
             if 4 * found.len().saturating_sub(before) < batch.len() {
                 break;
@@ -318,22 +318,26 @@ fn places(trace: &Trace<'_>, n: usize) -> Vec<(usize, usize)> {
     found
 }
 
-/// Whether a slip has its height in every window that is tried, as far as each tells it: a swing
+/// Whether a step has its height in every window that is tried, as far as each tells it: a swing
 /// faster than the record's others leaves a polynomial a step as well, another one in each.
-fn is_same_closer(trace: &Trace<'_>, slip: &Found) -> bool {
-    let s = &trace.stretches[slip.stretch];
+fn has_its_height(trace: &Trace<'_>, found: &Found) -> bool {
+    let s = &trace.stretches[found.stretch];
     WINDOWS.iter().all(|&(half, degree)| {
-        if slip.from < half || slip.from + half > s.len() {
+        if found.from < half || found.from + half > s.len() {
             return true;
         }
         let window = Window::new(2 * half, degree);
         let mut x = vec![0.0; 2 * half];
-        s.copy(slip.from - half, &mut x);
+        s.copy(found.from - half, &mut x);
         window.reduce(&mut x);
-        let step = fit(&x, &[&window.shape(Shape::Step(half as f64 - 0.5))]);
-        let freedom = window.freedom().saturating_sub(1).max(1) as f64;
+        let at = half as f64 - 0.5;
+        let beside = if found.kind == Kind::Break { vec![Shape::Bend(at), Shape::Curvature(at)] } else { Vec::new() };
+        let shapes: Vec<Vec<f64>> = beside.into_iter().chain([Shape::Step(at)]).map(|s| window.shape(s)).collect();
+        let step = fit(&x, &shapes.iter().map(Vec::as_slice).collect::<Vec<_>>());
+        let freedom = window.freedom().saturating_sub(shapes.len()).max(1) as f64;
         let variance = (step.rest / freedom).max(trace.quantum * trace.quantum / 12.0);
-        (step.values[0] - slip.size).abs() <= LIKE * variance.sqrt() * step.error + OFF * slip.size.abs()
+        let height = step.values.last().copied().unwrap_or(0.0);
+        (height - found.size).abs() <= LIKE * variance.sqrt() * step.error + OFF * found.size.abs()
     })
 }
 

@@ -97,6 +97,15 @@ pub fn capitalised(text: &str) -> String {
     letters.next().map_or_else(String::new, |c| c.to_uppercase().chain(letters).collect())
 }
 
+/// A sentence as part of another: a word begins with a small letter, a symbol stays.
+pub fn inside(text: &str) -> String {
+    let mut letters = text.chars();
+    match (letters.next(), letters.clone().next()) {
+        (Some(first), Some(second)) if second.is_lowercase() => first.to_lowercase().chain(letters).collect(),
+        _ => text.to_owned(),
+    }
+}
+
 /// A text as a sentence of its own: with a capital letter first, unless it begins with a symbol, a
 /// number or the name of a file.
 pub fn sentence(text: &str) -> String {
