@@ -16,6 +16,7 @@
 //! (w·δq)/(w·v).
 
 pub mod abreast;
+mod crossing;
 mod outside;
 mod switching;
 

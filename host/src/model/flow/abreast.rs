@@ -2,7 +2,7 @@
 //! derivatives by that state: the same step as [`super::Flow`] takes over one spacing. Steps in
 //! which a sign turns, or a rate begins at zero, are left to it.
 
-use super::switching::{crossing, turned_over};
+use super::crossing::{crossing, turned_over};
 use super::{Flow, Inputs, Work};
 use crate::model::dynamics::{Dynamics, Instant, Switch};
 use crate::model::model_file::equations_of_motion::abreast::{Abreast, Room};
