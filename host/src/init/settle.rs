@@ -34,9 +34,7 @@ const CLEAR_LINE: f64 = 1.4;
 
 /// Residual over noise power, ln, up to which the equations fit: a factor of 4.
 const FITS: f64 = 1.4;
-/// Most halves of a drive's frequency that a line may be, and the relative difference of two that are
-/// one.
-const MOST_HALVES: u32 = 16;
+/// Relative difference of two frequencies that are one.
 const SAME: f64 = 3e-4;
 
 /// A reading that was tried.
@@ -61,11 +59,6 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
         return Ok(());
     }
     tried.sort_by(|a, b| a.left.total_cmp(&b.left));
-    if draft.drive.is_none() && tried[0].draft.drive.is_some() && tried[0].left > FITS {
-        let slower: Vec<DraftDrive> = possible.iter().flat_map(submultiples).collect();
-        tried.extend(try_all(readings(draft, &unknown, settings, &slower), &record));
-        tried.sort_by(|a, b| a.left.total_cmp(&b.left));
-    }
     // A drive adds terms, which take something away even where there is none.
     let at_rest = tried.iter().find(|t| t.draft.drive.is_none()).map_or(f64::INFINITY, |t| t.left);
     if at_rest - tried[0].left < DRIVEN {
@@ -225,19 +218,6 @@ fn tell_drive(draft: &mut Draft, by: f64, is_guess: bool) {
 /// Two frequencies of one line.
 fn alike(a: Option<f64>, b: Option<f64>) -> bool {
     a == b || a.zip(b).is_some_and(|(a, b)| (a / b - 1.0).abs() < SAME)
-}
-
-/// Drives of which a line is a multiple of half the frequency: in chaos, or with a period that is
-/// doubled, another multiple may stand higher than the drive's own.
-fn submultiples(d: &DraftDrive) -> Vec<DraftDrive> {
-    let slower = |m: u32| {
-        let hz = super::raw::nice(2.0 * d.frequency_hz / f64::from(m), SAME);
-        let text = format!("the line at {} Hz is {m} halves of it", significant(d.frequency_hz, 6));
-        let mut why = vec![Statement::new("drive", format!("{hz} Hz"), text)];
-        why.extend(d.why.iter().filter(|s| s.check).cloned());
-        DraftDrive { direction: Direction::Vertical, frequency_hz: hz, why }
-    };
-    (1..=MOST_HALVES).filter(|m| *m != 2).map(slower).collect()
 }
 
 /// What the equations say of the finished reading: the drive's direction and a frequency that is
