@@ -162,7 +162,7 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<Undecidable>,
     // What stands as far above the noise of an input as that above the sensors' is told.
     let stands = !result.effects.is_empty() && result.residual_power[0] > EXCUSED * EXCUSED * power;
     let undecidable = match unfollowed {
-        Some(why @ Undecidable::OwnRecords { .. }) if stands && !rest.noisy.is_empty() => {
+        Some(why) if stands && !rest.noisy.is_empty() => {
             result.warnings.push(Warning::new("input-noise", why.to_string(), INPUT_NOISE));
             undecidable
         }

@@ -41,9 +41,8 @@ const CLEAR: f64 = 4.0;
 pub(super) const CHANCE: f64 = 1e-6;
 /// Ratio of residual to noise power from which something besides noise is left, as in `explain`.
 const BESIDE_NOISE: f64 = 2.0;
-/// The same of one equation alone, beside what the sensors explain of it, and the share of its
-/// largest term from which that counts (by hand: the two agree to a factor of 2 where nothing is
-/// missing).
+/// The same of one equation alone, four times what the sensors explain of it, and the share of its
+/// largest term from which that counts (by hand).
 const OF_ONE: f64 = 16.0;
 const NOTABLE: f64 = 0.01;
 /// Ratio from which the answer does not stand: a residual of five times the sensors'. A second

@@ -31,7 +31,7 @@ const MOST_EVENTS: usize = 24;
 /// How a switch stands.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Mode {
-    /// Sliding, with this sign.
+    /// Sliding, or on one side of a corner, with this sign.
     Slides(f64),
     /// Sticking.
     Sticks,

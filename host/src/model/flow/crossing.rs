@@ -1,4 +1,6 @@
-//! Where within a step something passes zero, from its values and slopes at both ends.
+//! Where within a step something passes zero, as a share of the step: the root of the cubic through
+//! its values and slopes (times the step) at both ends. Two passages within one step are seen where
+//! the cubic shows them.
 
 use core::f64::consts::{PI, TAU};
 
