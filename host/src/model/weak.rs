@@ -21,6 +21,13 @@ pub fn mean_sign(v: f64, step: f64) -> f64 {
     }
 }
 
+/// Mean of |x| over one sampling step around a sample at which x changes by `step` a step:
+/// (x² + step²/4)/|step| where it passes zero within the step. Its derivative by x is
+/// [`mean_sign`], so that a corner and its place are told from the same rows.
+pub fn mean_abs(x: f64, step: f64) -> f64 {
+    if 2.0 * x.abs() < step.abs() { (x * x + 0.25 * step * step) / step.abs() } else { x.abs() }
+}
+
 /// How many time derivatives of the series the term contains; they are moved to the window.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Order {

@@ -1,10 +1,10 @@
 //! Expressions compiled to a list of operations over blocks of samples, common parts computed once.
 //!
 //! A block of `BLOCK` samples stays in the first-level cache; every operation is a loop over it.
-//! Sine and cosine of the same argument are computed together. The sign of a quantity is its mean
-//! over one sampling step, [`mean_sign`], from the change between neighbouring samples, so blocks
-//! are computed with one more sample on either side where there is one. Of points that are no
-//! neighbours it is the sign itself.
+//! Sine and cosine of the same argument are computed together. The sign and the absolute value of a
+//! quantity are their means over one sampling step, [`mean_sign`] and [`mean_abs`], from the change
+//! between neighbouring samples, so blocks are computed with one more sample on either side where
+//! there is one. Of points that are no neighbours they are those of the point itself.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -13,7 +13,7 @@ use std::sync::Arc;
 use pulp::{Arch, NullaryFnOnce};
 
 use super::expression::{Expression as E, Function, Node, Symbol, hat};
-use crate::model::weak::mean_sign;
+use crate::model::weak::{mean_abs, mean_sign};
 use crate::signal::sin_cos::sin_cos;
 
 /// Samples of a block.
@@ -68,8 +68,8 @@ pub struct Tape {
     outputs: Vec<usize>,
     /// Symbols that are columns of the input, in their order.
     symbols: Vec<Symbol>,
-    /// Whether neighbours matter.
-    signs: bool,
+    /// Neighbours on either side that matter.
+    halo: usize,
 }
 
 #[derive(Default)]
@@ -150,8 +150,9 @@ impl Tape {
     pub fn new(expressions: &[Node]) -> Self {
         let mut b = Builder::default();
         let outputs = expressions.iter().map(|e| b.node(e)).collect();
-        let signs = b.operations.iter().any(|o| matches!(o, Operation::Call(Function::Sign, _)));
-        Self { operations: b.operations, outputs, symbols: b.symbols, signs }
+        let averaged = |o: &Operation| matches!(o, Operation::Call(Function::Sign | Function::Abs, _));
+        let halo = usize::from(b.operations.iter().any(averaged));
+        Self { operations: b.operations, outputs, symbols: b.symbols, halo }
     }
 
     /// Symbols that the columns of [`Tape::run`] stand for, in their order.
@@ -173,11 +174,10 @@ impl Tape {
     /// `count` samples each.
     pub fn run(&self, columns: &[&[f64]], count: usize) -> Vec<Vec<f64>> {
         let mut out = vec![vec![0.0; count]; self.outputs.len()];
-        let halo = usize::from(self.signs);
         let mut registers = vec![0.0; self.operations.len() * (BLOCK + 2)];
         for start in (0..count).step_by(BLOCK) {
             let end = (start + BLOCK).min(count);
-            let (from, to) = (start.saturating_sub(halo), (end + halo).min(count));
+            let (from, to) = (start.saturating_sub(self.halo), (end + self.halo).min(count));
             self.block::<{ BLOCK + 2 }>(columns, from..to, true, &mut registers);
             for (out, &r) in out.iter_mut().zip(&self.outputs) {
                 let at = r * (BLOCK + 2);
@@ -197,8 +197,7 @@ impl Tape {
     /// their neighbours where these matter: [`Tape::output`] shows them from the place that is
     /// returned.
     pub fn among(&self, columns: &[&[f64]], points: Range<usize>, count: usize, registers: &mut Registers) -> usize {
-        let halo = usize::from(self.signs);
-        let (from, to) = (points.start.saturating_sub(halo), (points.end + halo).min(count));
+        let (from, to) = (points.start.saturating_sub(self.halo), (points.end + self.halo).min(count));
         self.block::<MOST>(columns, from..to, true, registers.room(self.operations.len(), MOST));
         points.start - from
     }
@@ -293,14 +292,8 @@ impl<const STRIDE: usize> NullaryFnOnce for Block<'_, STRIDE> {
                 Operation::PowerWhole(a, p) => each!(a, |a: f64| a.powi(p)),
                 Operation::SinCos(a) => sin_cos(get(a), out, &mut after[..n]),
                 Operation::Second => {}
-                Operation::Call(Function::Sign, a) if neighbours => {
-                    let x = get(a);
-                    for (i, o) in out.iter_mut().enumerate() {
-                        let (b, f) = (i.saturating_sub(1), (i + 1).min(n - 1));
-                        let step = if f > b { (x[f] - x[b]) / (f - b) as f64 } else { 0.0 };
-                        *o = mean_sign(x[i], step);
-                    }
-                }
+                Operation::Call(Function::Sign, a) if neighbours => averaged(get(a), mean_sign, out),
+                Operation::Call(Function::Abs, a) if neighbours => averaged(get(a), mean_abs, out),
                 Operation::Call(Function::Abs, a) => each!(a, f64::abs),
                 Operation::Call(f, a) => each!(a, |a: f64| f.value(a)),
                 Operation::Hat(a, width, period) => each!(a, |a: f64| hat(a, width, period)),
@@ -309,76 +302,16 @@ impl<const STRIDE: usize> NullaryFnOnce for Block<'_, STRIDE> {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::super::parser::{Names, parse};
-    use super::*;
-
-    #[test]
-    fn blocks_points_and_trees_agree() {
-        let names = Names { coordinates: vec!["q".into()], inputs: vec!["u".into()] };
-        let texts = [
-            "sin(q)*cos(q) + cos(q)^2 - q^3/(1 + q*q)",
-            "tanh(u)*exp(-q^2)*abs(q') + sqrt(2 + sin(q)) - log(3 + cos(u)) + tan(q/9)",
-            "(2 + cos(q))^u + q^-3 + q^5",
-            "4",
-            "q''*u",
-        ];
-        let nodes: Vec<Node> = texts.iter().map(|t| parse(t, &names).unwrap()).collect();
-        let tape = Tape::new(&nodes);
-        let count = 1000;
-        let of = |s: Symbol, i: usize| {
-            let k = match s {
-                Symbol::Coordinate(_) => 0.7,
-                Symbol::Rate(_) => 1.1,
-                Symbol::Acceleration(_) => 0.3,
-                _ => 2.3,
-            };
-            (0.01 * k * i as f64 + k).sin() + 0.1
-        };
-        let data: Vec<Vec<f64>> = tape.symbols().iter().map(|s| (0..count).map(|i| of(*s, i)).collect()).collect();
-        let columns: Vec<&[f64]> = data.iter().map(Vec::as_slice).collect();
-        let out = tape.run(&columns, count);
-        let (mut registers, mut one) = (Vec::new(), vec![0.0; nodes.len()]);
-        for i in 0..count {
-            let values: Vec<f64> = tape.symbols().iter().map(|s| of(*s, i)).collect();
-            tape.at(&values, &mut registers, &mut one);
-            for (k, e) in nodes.iter().enumerate() {
-                let expected = e.value(&|s| of(s, i));
-                assert!((out[k][i] - expected).abs() <= 1e-12 * expected.abs(), "{}", texts[k]);
-                assert!((one[k] - expected).abs() <= 1e-12 * expected.abs(), "{}", texts[k]);
-            }
-        }
-        // Sine and cosine of q are computed once.
-        assert_eq!(tape.operations.iter().filter(|o| matches!(o, Operation::SinCos(_))).count(), 2);
-    }
-
-    /// States side by side are those of other windows: one does not blur the sign of another.
-    #[test]
-    fn of_points_that_are_no_neighbours_a_sign_is_that_of_the_point() {
-        let names = Names { coordinates: vec!["q".into()], inputs: vec![] };
-        let nodes = ["(abs(q) - 0.5)*(1 + sign(abs(q) - 0.5))", "sign(q)"].map(|t| parse(t, &names).unwrap());
-        let tape = Tape::new(&nodes);
-        let q: Vec<f64> = (0..ABREAST).map(|i| (7.3 * i as f64).sin()).collect();
-        let mut registers = Registers::default();
-        tape.over(&[&q], ABREAST, &mut registers);
-        for (k, node) in nodes.iter().enumerate() {
-            for (i, x) in q.iter().enumerate() {
-                assert_eq!(tape.output(k, &registers)[i], node.value(&|_| *x), "{k} {i} {x}");
-            }
-        }
-    }
-
-    #[test]
-    fn a_sign_is_its_mean_over_a_step_across_blocks() {
-        let names = Names { coordinates: vec!["q".into()], inputs: vec![] };
-        let tape = Tape::new(&[parse("sign(q')", &names).unwrap()]);
-        // Crosses zero at sample 256.25, where two blocks meet.
-        let v: Vec<f64> = (0..600).map(|i| 0.5 * (i as f64 - 256.25)).collect();
-        let out = tape.run(&[&v], 600);
-        assert_eq!((out[0][255], out[0][257]), (-1.0, 1.0));
-        assert!((out[0][256] + 0.5).abs() < 1e-12, "{}", out[0][256]);
-        // The sum then follows the reversal to a fraction of a step.
-        assert!((out[0].iter().sum::<f64>() - (343.25 - 256.75)).abs() < 1e-9);
+/// The mean over one sampling step, by the value of a point and the change to its neighbours.
+#[inline(always)]
+fn averaged(x: &[f64], mean: impl Fn(f64, f64) -> f64, out: &mut [f64]) {
+    for (i, o) in out.iter_mut().enumerate() {
+        let (b, f) = (i.saturating_sub(1), (i + 1).min(x.len() - 1));
+        let step = if f > b { (x[f] - x[b]) / (f - b) as f64 } else { 0.0 };
+        *o = mean(x[i], step);
     }
 }
+
+#[cfg(test)]
+#[path = "tape_tests.rs"]
+mod tests;
