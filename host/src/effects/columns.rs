@@ -13,9 +13,9 @@ use super::along_an_arm;
 use super::between;
 use super::entry::{Entry, Form, MASS, Verb};
 use super::on_a_frame;
+use super::own_spring;
 use super::places::{self, Place};
 use super::written::{self, Change};
-use crate::model::model_file::expression::Function;
 use crate::model::model_file::expression::{Node, Symbol, add, multiply, number, symbol};
 use crate::model::model_file::memory::Memory;
 use crate::model::model_file::parser::Mistake;
@@ -153,11 +153,7 @@ pub fn action(
         (Place::Joint(_) | Place::Between(..), Verb::Force) => {
             let Some(moves) = place.moves(file) else { return Ok(None) };
             let Ok(rate) = by_time(&moves, n, omega) else { return Ok(None) };
-            let x = if places::is_angle(file, &moves) {
-                Polynomial::call(Function::Wrap, moves.clone())
-            } else {
-                moves.clone()
-            };
+            let x = own_spring::displacement(file, &moves);
             words.scalars.extend([("x".to_owned(), x), ("v".to_owned(), rate)]);
             if let (Place::Joint(k), true) = (place, entry.names(LOAD)) {
                 let mass = form.iter().find(|s| s.0 == MASS).map(|s| s.1);
@@ -165,6 +161,7 @@ pub fn action(
                 words.scalars.push((LOAD.to_owned(), load));
             }
             let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
+            let law = own_spring::beside(entry, law, file, &moves);
             let on = match place {
                 Place::Between(i, j) => between::works_on((i, j), form, mechanism, parameters),
                 _ => moves,
