@@ -129,9 +129,12 @@ def reduce(*records: Source, rig: Optional[Name] = None, modes: Optional[int] = 
     return _answer(Reduction, "reduce", records, _options(locals()))[0]
 
 
-def init(*records: Source, output: Name, system: Optional[str] = None, time: Optional[str] = None, map: Map = None,
+def init(*records: Source, output: Name, system: Optional[str] = None, drive_hz: Optional[float] = None, time: Optional[str] = None, map: Map = None,
          recover: bool = False, report: Optional[Name] = None, force: bool = False) -> Draft:
-    """Writes a commented rig file from what a record shows, to ``output``: ``whirl init``. What it guessed is in ``json`` and in the file."""
+    """Writes a commented rig file from what a record shows, to ``output``: ``whirl init``. What it guessed is in ``json`` and in the file.
+
+    ``drive_hz`` is the drive's frequency where you know it, 0 for none.
+    """
     return _answer(Draft, "init", records, {**_options(locals()), "rig": None})[0]
 
 

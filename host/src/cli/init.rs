@@ -24,6 +24,10 @@ pub struct Arguments {
     /// two].
     #[arg(long, value_name = "NAME|FILE")]
     system: Option<String>,
+    /// The drive's frequency, where you know it; 0: nothing drives the rig [default: from the
+    /// motion].
+    #[arg(long, value_name = "HZ")]
+    drive_hz: Option<f64>,
     #[command(flatten)]
     columns: Columns,
     /// The rig file that is written.
@@ -52,6 +56,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let settings = Settings {
         system: arguments.system.clone(),
         choices: arguments.columns.choices(),
+        drive_hz: arguments.drive_hz,
         options: ReadOptions { recover: arguments.recover, resample: false },
         output: arguments.output.clone(),
         needs_system: true,

@@ -10,6 +10,7 @@
 use super::columns::{Kind, Seen};
 use super::raw::{Raw, nice};
 use super::{DraftDrive, Statement};
+use crate::error::{BadInput, Result};
 use crate::inspect::motion;
 use crate::rig::Direction;
 use crate::signal::spectrum::{self, Density};
@@ -45,6 +46,24 @@ pub(super) struct Drives {
     /// Drives that would make the lines of the motion's spectrum, the clearest lines first: the
     /// equations of motion decide.
     pub possible: Vec<DraftDrive>,
+    /// Whether there may be one without a line.
+    pub may_hide: bool,
+}
+
+/// The drive that a person names.
+///
+/// # Errors
+/// A frequency that a record of this rate cannot have.
+pub(super) fn told(hz: f64, rate_hz: f64) -> Result<Drives> {
+    if !(hz >= 0.0 && hz < 0.5 * rate_hz) {
+        return Err(BadInput::new(format!("{hz}"), format!("0 (no drive) to half of {rate_hz} Hz")).at("--drive-hz"));
+    }
+    let why = vec![
+        Statement::new("drive", format!("{hz} Hz"), "--drive-hz says so"),
+        Statement::new("drive", "vertical", "most drives of pendulums are").unsure(),
+    ];
+    let known = DraftDrive { direction: Direction::Vertical, frequency_hz: hz, why };
+    Ok(Drives { known: (hz > 0.0).then_some(known), ..Drives::default() })
 }
 
 /// Looks for the drive of a record.
@@ -52,7 +71,7 @@ pub(super) fn find(raw: &Raw, seen: &[Seen]) -> Drives {
     if let Some(hz) = crate::inspect::drive_check::phase_frequency(&raw.record).filter(|f| *f > 0.0) {
         let why = Statement::new("drive", format!("{} Hz", nice(hz, 1e-7)), "the device recorded the drive's phase");
         let known = DraftDrive { direction: Direction::Vertical, frequency_hz: nice(hz, 1e-7), why: vec![why] };
-        return Drives { known: Some(known), possible: Vec::new() };
+        return Drives { known: Some(known), ..Drives::default() };
     }
     let Some(stretch) = (0..raw.record.segments.len()).max_by_key(|s| raw.record.segments[*s].len()) else {
         return Drives::default();
@@ -71,7 +90,7 @@ pub(super) fn find(raw: &Raw, seen: &[Seen]) -> Drives {
     let even = even.map(|l| of_line(&l, Direction::Vertical, "the square of the velocity has it"));
     // Under a horizontal drive the velocity has the drive's line.
     let odd = odd.map(|l| of_line(&l, Direction::Horizontal, "the velocity has it"));
-    Drives { known: None, possible: even.chain(odd).collect() }
+    Drives { known: None, possible: even.chain(odd).collect(), may_hide: !angles.is_empty() }
 }
 
 /// The drive that a line would stand for.

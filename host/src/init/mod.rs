@@ -7,6 +7,7 @@
 pub mod columns;
 mod counts;
 mod drive;
+mod look;
 mod raw;
 mod settle;
 mod system;
@@ -118,6 +119,8 @@ pub struct Settings {
     pub system: Option<String>,
     /// Choices of columns.
     pub choices: Choices,
+    /// The drive's frequency, Hz, where a person says it; 0: nothing drives the rig.
+    pub drive_hz: Option<f64>,
     /// How the record is read.
     pub options: ReadOptions,
     /// Where the rig file is to stand: paths in it are relative to that.
@@ -182,11 +185,14 @@ pub fn draft(path: &Path, settings: &Settings) -> Result<Draft> {
         unused: raw.unused.iter().cloned().chain(chosen.unused).collect(),
         stored: None,
     };
-    let drive::Drives { known, possible } =
-        if chosen.may_be_driven { drive::find(&raw, &seen) } else { drive::Drives::default() };
+    let drive::Drives { known, possible, may_hide } = match settings.drive_hz {
+        Some(hz) => drive::told(hz, sample_rate_hz)?,
+        None if chosen.may_be_driven => drive::find(&raw, &seen),
+        None => drive::Drives::default(),
+    };
     draft.drive = known;
     if draft.model.is_some() {
-        settle::settle(&mut draft, &seen, settings, &possible)?;
+        settle::settle(&mut draft, &seen, settings, &settle::Possible { lines: &possible, may_hide })?;
     }
     Ok(draft)
 }

@@ -5,13 +5,12 @@
 //! ([`crate::identify::suspects`]). Where two readings fit alike, nothing is decided and the
 //! statement is one to check.
 
-use rayon::prelude::*;
-
 use super::columns::Seen;
 use super::counts::likely;
+use super::look::{Look, Tried};
 use super::{Draft, DraftDrive, Settings, Statement};
 use crate::error::{BadInput, Result};
-use crate::identify::suspects;
+use crate::identify::suspects::{self, Footing};
 use crate::record::Record;
 use crate::record::cut::Part;
 use crate::rig::{Direction, Rig};
@@ -34,17 +33,20 @@ const CLEAR_LINE: f64 = 1.4;
 
 /// Residual over noise power, ln, up to which the equations fit: a factor of 4.
 const FITS: f64 = 1.4;
-/// Relative difference of two frequencies that are one.
-const SAME: f64 = 3e-4;
+/// Other frequencies that are named beside a guess.
+const NAMED: usize = 3;
 
-/// A reading that was tried.
-struct Tried {
-    draft: Draft,
-    left: f64,
+/// Drives that are possible.
+pub(super) struct Possible<'a> {
+    /// Those at lines of the motion.
+    pub lines: &'a [DraftDrive],
+    /// Whether there may be one without a line.
+    pub may_hide: bool,
 }
 
 /// Settles what the equations tell; a drive is one of those that are possible, or none.
-pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, possible: &[DraftDrive]) -> Result<()> {
+pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, possible: &Possible) -> Result<()> {
+    let Possible { lines: possible, may_hide } = *possible;
     let rig = readable(draft, possible)?;
     let mut record = Record::read(&draft.record, &rig, &settings.options)?;
     let start = record.segments.first().map_or(0.0, |s| s.start_s);
@@ -54,11 +56,16 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
     let _ = record.cut(&Part { from_s: None, to_s: Some(start + length) });
     let open = |name: &str| seen.iter().any(|s| s.name == name && s.unit == "count" && s.counts.is_none());
     let unknown: Vec<usize> = (0..draft.channels.len()).filter(|k| open(&draft.channels[*k].name)).collect();
-    let mut tried = try_all(readings(draft, &unknown, settings, possible), &record);
+    let span_s = record.segments.iter().map(|s| s.len() as f64 * s.step_s).fold(0.0, f64::max);
+    let Some(on) = Footing::of(&record, &rig) else { return Ok(()) };
+    let look = Look { record: &record, on, span_s };
+    let mut tried = look.at_all(readings(draft, &unknown, settings, possible));
     if tried.is_empty() {
         return Ok(());
     }
-    tried.sort_by(|a, b| a.left.total_cmp(&b.left));
+    if may_hide && (tried[0].left > FITS || tried[0].draft.drive.is_none()) {
+        look.beside_the_lines(&mut tried, &readings(draft, &unknown, settings, &[]));
+    }
     // A drive adds terms, which take something away even where there is none.
     let at_rest = tried.iter().find(|t| t.draft.drive.is_none()).map_or(f64::INFINITY, |t| t.left);
     if at_rest - tried[0].left < DRIVEN {
@@ -71,8 +78,13 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
     };
     let counts = next(&|d| unknown.iter().any(|k| d.channels[*k].counts_per_turn != best.channels[*k].counts_per_turn));
     let measures = next(&|d| d.channels.iter().zip(&best.channels).any(|(a, b)| a.measures != b.measures));
-    let of_line = next(&|d| !alike(frequency(d), frequency(&best)));
+    let other = |d: &Draft| match (frequency(d), frequency(&best)) {
+        (Some(a), Some(b)) => !look.one_line(a, b),
+        (a, b) => a.is_some() != b.is_some(),
+    };
+    let of_line = next(&other);
     let is_guess = of_line.is_finite() && of_line <= CLEAR_LINE || of_line.is_infinite() && left > FITS;
+    let rivals = rivals(&tried, &other, left, &look);
     let found_here = draft.drive.is_none();
     *draft = best;
     for k in unknown {
@@ -82,9 +94,9 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
         tell_measures(draft, measures);
     }
     if of_line.is_finite() || found_here && is_guess {
-        tell_drive(draft, of_line, is_guess);
+        tell_drive(draft, of_line, is_guess, &rivals);
     }
-    refine(draft, &record);
+    refine(draft, &record, settings.drive_hz.is_some());
     Ok(())
 }
 
@@ -154,14 +166,16 @@ fn measuring(draft: &Draft, order: &[&str]) -> Draft {
     d
 }
 
-fn try_all(list: Vec<Draft>, record: &Record) -> Vec<Tried> {
-    let one = |draft: Draft| {
-        let rig = draft.rig().ok()?;
-        let record = Record { channels: rig.channel.clone(), ..record.clone() };
-        Some(Tried { left: suspects::misfit(&record, &rig)?, draft })
-    };
-    let tried: Vec<Option<Tried>> = list.into_par_iter().map(one).collect();
-    tried.into_iter().flatten().collect()
+/// Frequencies that leave so little more that they may be the drive's as well.
+fn rivals(tried: &[Tried], other: &dyn Fn(&Draft) -> bool, left: f64, look: &Look) -> Vec<f64> {
+    let mut out: Vec<f64> = Vec::new();
+    for t in tried.iter().filter(|t| t.left - left <= CLEAR_LINE && other(&t.draft)) {
+        let Some(hz) = frequency(&t.draft) else { continue };
+        if out.len() < NAMED && !out.iter().any(|f| look.one_line(*f, hz)) {
+            out.push(hz);
+        }
+    }
+    out
 }
 
 fn beside(by: f64) -> String {
@@ -203,26 +217,26 @@ fn tell_measures(draft: &mut Draft, by: f64) {
     }
 }
 
-fn tell_drive(draft: &mut Draft, by: f64, is_guess: bool) {
+fn tell_drive(draft: &mut Draft, by: f64, is_guess: bool, rivals: &[f64]) {
     let Some(d) = &mut draft.drive else { return };
     let text = format!("{} Hz", d.frequency_hz);
-    d.why.push(if is_guess {
-        let fit =
-            if by.is_finite() { beside(by) } else { "the equations of motion do not fit well with it".to_owned() };
-        Statement::new("drive", text, format!("a guess: {fit}; set what the generator or the strobe says")).unsure()
-    } else {
+    let set = "say what the generator or the strobe shows with --drive-hz";
+    d.why.push(if !is_guess {
         Statement::new("drive", text, format!("the equations of motion fit so; {}", beside(by)))
+    } else if rivals.is_empty() {
+        Statement::new("drive", text, format!("a guess: the equations of motion do not fit well with it; {set}"))
+            .unsure()
+    } else {
+        let list: Vec<String> = rivals.iter().map(|hz| format!("{} Hz", significant(*hz, 5))).collect();
+        let list = list.join(", ");
+        Statement::new("drive", text, format!("a guess: the equations of motion fit nearly as well with {list}; {set}"))
+            .unsure()
     });
-}
-
-/// Two frequencies of one line.
-fn alike(a: Option<f64>, b: Option<f64>) -> bool {
-    a == b || a.zip(b).is_some_and(|(a, b)| (a / b - 1.0).abs() < SAME)
 }
 
 /// What the equations say of the finished reading: the drive's direction and a frequency that is
 /// off.
-fn refine(draft: &mut Draft, record: &Record) {
+fn refine(draft: &mut Draft, record: &Record, is_told: bool) {
     let Ok(rig) = draft.rig() else { return };
     let record = Record { channels: rig.channel.clone(), ..record.clone() };
     for w in suspects::examine(core::slice::from_ref(&record), &rig) {
@@ -236,8 +250,8 @@ fn refine(draft: &mut Draft, record: &Record) {
                 name,
                 "the equations of motion show the drive's force in that direction",
             ));
-        } else if let ("drive-frequency", Some(hz)) =
-            (w.id, w.details.get("value_hz").and_then(serde_json::Value::as_f64))
+        } else if !is_told
+            && let ("drive-frequency", Some(hz)) = (w.id, w.details.get("value_hz").and_then(serde_json::Value::as_f64))
         {
             let error = w.details.get("std_error_hz").and_then(serde_json::Value::as_f64).unwrap_or(0.0);
             d.frequency_hz = super::raw::nice(hz, (2.0 * error / hz).max(1e-9));

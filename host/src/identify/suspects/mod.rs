@@ -17,30 +17,36 @@ mod direction;
 mod find;
 mod hypotheses;
 mod input_sign;
+mod scan;
 mod scene;
 mod tell;
 mod undo;
 
 use crate::error::BadInput;
-use crate::identify::Identification;
 use crate::identify::geometry::drive_window_s;
+use crate::identify::prepared::{Geometry, prepare_moving};
+use crate::identify::{Identification, Settings, built_in};
 use crate::record::Record;
-use crate::rig::Rig;
+use crate::rig::{Direction, Drive, Rig};
 use crate::warning::Warning;
 use arrow::NamedCoefficient;
 use scene::Scene;
 
 pub(crate) use hypotheses::COUNTS;
+pub use scan::drive_frequencies;
 
 /// Most windows that are looked at.
 const WINDOWS: usize = 64;
-/// Windows on which readings of a record are compared, and everything is tried.
+/// Windows on which everything is tried.
 const FEW: usize = 12;
 /// Hops beyond them: a window is two long, the low-pass reaches over the rest.
 const REACH: usize = 4;
 /// Most samples of a free system's records that tell how its motion is: the rest of a day tells
 /// nothing else, and takes its memory.
 const MOST_SAMPLES: f64 = 300_000.0;
+/// Share of the test frequencies of a free motion on which readings compare, and fewest of them.
+const LOWER: f64 = 0.5;
+const FEWEST_FREQUENCIES: f64 = 8.0;
 /// ln of residual over noise power from which something is looked for: clean records of the
 /// shipped rigs stay below half of it.
 const CLEAN: f64 = 0.4;
@@ -57,9 +63,44 @@ fn no_equations(rig: &Rig) -> BadInput {
 /// How well the equations of a rig fit the beginning of a record, as the mean of ln(residual/noise
 /// power) (0: as well as the sensors allow); none where they cannot be fitted. Of two readings of
 /// one record it speaks for the lower.
-pub fn misfit(record: &Record, rig: &Rig) -> Option<f64> {
-    let scene = first_windows(core::slice::from_ref(record), rig, FEW)?;
+pub fn misfit(record: &Record, rig: &Rig, on: &Footing) -> Option<f64> {
+    let scene = Scene::in_windows(core::slice::from_ref(record), rig, &on.settings).ok()?.first(WINDOWS);
     scene.misfit().map(|m| m.log).filter(|m| m.is_finite())
+}
+
+/// Windows, test functions and low-pass on which readings of one record compare: those that its
+/// motion alone asks for. A drive's own follow from its frequency, and a misfit over short windows
+/// of fast test functions, in which noise is most, says nothing beside one over long ones.
+#[derive(Clone, Debug)]
+pub struct Footing {
+    settings: Settings,
+}
+
+impl Footing {
+    /// Highest test frequency, Hz.
+    pub fn top_hz(&self) -> Option<f64> {
+        self.settings.max_frequency_hz
+    }
+
+    /// That of a record, whatever drives it; none where it has no equations or is too short.
+    pub fn of(record: &Record, rig: &Rig) -> Option<Self> {
+        let own = built_in::written(rig).ok()?;
+        let bound = own.bound.clone()?;
+        let all = core::slice::from_ref(record);
+        let free = Rig { drive: None, ..own.into_owned() };
+        let Geometry { windows, .. } = prepare_moving(all, &free, &bound, &Settings::default()).ok()?.geometry;
+        // The upper half of what a free motion shows is mostly noise, which a mean over frequencies
+        // takes as a good fit; and a low-pass as wide brings it into products at all of them.
+        let top_hz = (LOWER * windows.frequencies as f64 / windows.length_s)
+            .max(FEWEST_FREQUENCIES / windows.length_s)
+            .min(record.sample_rate_hz / 8.0);
+        let asked =
+            Settings { window_s: Some(windows.length_s), max_frequency_hz: Some(top_hz), ..Settings::default() };
+        let drive = Drive { direction: Direction::Vertical, frequency_hz: top_hz, amplitude_m: None };
+        let driven = Rig { drive: Some(drive), ..free };
+        let Geometry { kernels, .. } = prepare_moving(all, &driven, &bound, &asked).ok()?.geometry;
+        Some(Self { settings: Settings { pass_hz: Some(kernels.full.pass_hz), ..asked } })
+    }
 }
 
 /// Suspects of records of a rig; none where the rig's equations cannot be identified from them.
@@ -289,7 +330,8 @@ mod tests {
             let rig = rig(slower);
             let mut record = free_pendulum(&rig, slower, FAINT);
             assert_eq!(examine(core::slice::from_ref(&record), &rig), []);
-            let log = misfit(&record, &rig).unwrap();
+            let on = Footing::of(&record, &rig).unwrap();
+            let log = misfit(&record, &rig, &on).unwrap();
             assert!(log.abs() < CLEAN, "{slower}: {log}");
             if let Column::Values(shown) = &mut record.segments[0].columns[0] {
                 shown.reverse();

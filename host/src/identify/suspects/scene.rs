@@ -76,9 +76,17 @@ impl Scene {
     /// # Errors
     /// As an identification.
     pub fn new(records: &[Record], rig: &Rig) -> Result<Self> {
+        Self::in_windows(records, rig, &Settings::default())
+    }
+
+    /// The same in windows that are asked for.
+    ///
+    /// # Errors
+    /// As an identification.
+    pub fn in_windows(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Self> {
         let own = built_in::written(rig)?;
         let bound = own.bound.clone().ok_or_else(|| super::no_equations(rig))?;
-        let p = prepare_moving(records, &own, &bound, &Settings::default())?;
+        let p = prepare_moving(records, &own, &bound, settings)?;
         let weak = Arc::new(WeakForm::new(&bound.model, rig.omega(), &[])?);
         let split = Split::new(&bound.model, records.len());
         let mut out = Self {
