@@ -5,9 +5,9 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::Answer;
 use super::output::{Output, Replace};
 use super::outputs::Outputs;
+use super::{Answer, Columns};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 
@@ -24,6 +24,8 @@ pub struct Arguments {
     /// With --model: begin in the state of this record, with its drive's phase and its inputs.
     #[arg(long, value_name = "REC", requires = "model")]
     pub(super) from: Option<PathBuf>,
+    #[command(flatten)]
+    pub(super) columns: Columns,
     /// With --from: time of the record at which to begin, s.
     #[arg(long, value_name = "S", requires = "from", allow_negative_numbers = true)]
     pub(super) start: Option<f64>,
@@ -59,6 +61,12 @@ pub struct Arguments {
 
 /// Simulates and writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
+    let named = [("--time", arguments.columns.time.is_some()), ("--map", !arguments.columns.map.is_empty())];
+    if let Some((option, _)) = named.iter().find(|n| n.1 && arguments.from.is_none()) {
+        return Err(BadInput::new("no record", "the record whose column it names")
+            .at(*option)
+            .remedy("Add --from REC"));
+    }
     if let Some(model) = &arguments.model {
         return super::simulate_model::run(arguments, model);
     }

@@ -11,10 +11,12 @@ use super::Answer;
 use super::outputs::Outputs;
 use super::simulate::Arguments;
 use crate::error::{BadInput, Result};
+use crate::init::rate_of;
 use crate::model::identified::{IdentifiedModel, System};
 use crate::motion::from_record::{self, Begin};
 use crate::motion::simulation::{self, Solution};
 use crate::motion::{Effect, Motion, stand_in};
+use crate::record::names::TimeChoice;
 use crate::record::values::write_values_from;
 use crate::record::{ReadOptions, Record, metadata, names};
 use crate::rig::{LONGEST_S, MOST_SAMPLES, Rig};
@@ -52,7 +54,7 @@ struct Shown {
 
 /// Simulates a model and writes its record.
 pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
-    let given = arguments.rig.as_ref().map(Rig::read).transpose()?;
+    let given = arguments.rig.as_ref().map(|rig| rig_for(arguments, rig)).transpose()?;
     let mut files = Outputs::of(&arguments.out, Some(arguments.replace)).reads([path]).reads(&arguments.from);
     if let Some(rig) = &given {
         files = files.reads_rig(rig);
@@ -79,13 +81,21 @@ pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
     let solution = simulation::solve(&motion, &begin, count).map_err(of_model)?;
     bar.finish_and_clear();
     let columns = simulation::columns(&motion, &solution, begin.step_s)?;
-    let start_s = time_of(&motion, &begin);
+    // What rounding leaves of 0 is 0.
+    let start_s = (1e12 * time_of(&motion, &begin)).round() / 1e12 + 0.0;
     let sample_rate_hz = 1.0 / begin.step_s;
     write_values_from(&arguments.output, &Rig { sample_rate_hz, ..rig.clone() }, start_s, &columns)?;
     let summary = summary(&motion, &rig, &begin, &solution, start_s);
     arguments.out.write_json(&summary)?;
     arguments.out.say(&said(&summary, &motion, &arguments.output));
     Ok(Answer::Positive)
+}
+
+/// The rig file, with what the command line says of the record's columns.
+fn rig_for(arguments: &Arguments, rig: &Path) -> Result<Rig> {
+    let options = ReadOptions::default();
+    let rate = |time: &TimeChoice| arguments.from.as_ref().map(|r| rate_of(r, time, &options)).transpose();
+    Rig::read_for(rig, &arguments.columns.choices(), &mut { rate })
 }
 
 /// The rig that a record of whirl's own carries, for a built-in model.
@@ -179,8 +189,7 @@ fn said(s: &Summary, motion: &Motion, output: &Path) -> String {
         "{} samples ({:.6} s from t = {:.6} s, {} Hz) of {} in {}\ncolumns: t (s), {}\n",
         s.samples,
         s.seconds,
-        // What rounding leaves of 0 has no sign.
-        (1e9 * s.start_s).round() / 1e9 + 0.0,
+        s.start_s,
         shortest(s.sample_rate_hz),
         s.model,
         output.display(),

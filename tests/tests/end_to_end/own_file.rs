@@ -152,14 +152,7 @@ fn counts_of_a_driven_double_pendulum_need_no_word_of_the_rig() {
     let at = folder.path();
     rig_file(at, "chaotic.toml", "truth.toml", &[]);
     done(at, "simulate --rig truth.toml --seconds 120 --seed 4 -o own.csv");
-    let mut text = "time,enc_a,enc_b\n".to_owned();
-    rows(&at.join("own.csv")).iter().for_each(|r| {
-        // tick, t, counts: as another program would write them.
-        let columns = header(&at.join("own.csv"));
-        let of = |name: &str| r[columns.iter().position(|c| c == name).unwrap()];
-        writeln!(text, "{},{},{}", of("t"), of("count1"), of("count2")).unwrap();
-    });
-    std::fs::write(at.join("run.csv"), text).unwrap();
+    stripped(at, "time,enc_a,enc_b");
     let said = done(at, "init run.csv -o rig.toml --json init.json");
     let rig = std::fs::read_to_string(at.join("rig.toml")).unwrap();
     for part in [
@@ -180,6 +173,58 @@ fn counts_of_a_driven_double_pendulum_need_no_word_of_the_rig() {
     // m2 g e2/(J_o2 Ω²) of the rig's own [plant].
     let truth = 0.040 * 9.81 * 0.0267 / (4.033e-5 * (10.0 * std::f64::consts::PI).powi(2));
     assert!((b22 / truth - 1.0).abs() < 5e-3, "{b22} {truth}");
+}
+
+/// Time and counts of own.csv as another program would write them, in run.csv.
+fn stripped(at: &Path, names: &str) {
+    let columns = header(&at.join("own.csv"));
+    let place = |name: &str| columns.iter().position(|c| c == name).unwrap();
+    let places = ["t", "count1", "count2"].map(place);
+    let mut text = format!("{names}\n");
+    rows(&at.join("own.csv")).iter().for_each(|r| {
+        let [t, a, b] = places.map(|k| r[k]);
+        writeln!(text, "{t},{a},{b}").unwrap();
+    });
+    std::fs::write(at.join("run.csv"), text).unwrap();
+}
+
+#[test]
+fn a_drive_that_leaves_no_clear_line_is_found_by_the_equations() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    rig_file(at, "chaotic.toml", "truth.toml", &[]);
+    // Of the first the motion has no clear line at 5 Hz, of the second its highest is at 20 Hz.
+    for (seed, rest) in [(1, "--seconds 40"), (5, "--seconds 24 --effect quadratic-drag@arm2=2e-6")] {
+        done(at, &format!("simulate --rig truth.toml --seed {seed} {rest} -o own.csv --force"));
+        stripped(at, "time,enc_a,enc_b");
+        let said = done(at, "init run.csv -o rig.toml --force");
+        let rig = std::fs::read_to_string(at.join("rig.toml")).unwrap();
+        assert!(rig.contains("frequency_hz = 5.0\n"), "{seed}: {rig}\n{said}");
+    }
+    done(at, "init run.csv -o rig.toml --force --drive-hz 4.5");
+    let rig = std::fs::read_to_string(at.join("rig.toml")).unwrap();
+    assert!(rig.contains("frequency_hz = 4.5\n") && rig.contains("--drive-hz says so"), "{rig}");
+    done(at, "init run.csv -o rig.toml --force --drive-hz 0");
+    assert!(!std::fs::read_to_string(at.join("rig.toml")).unwrap().contains("\n[drive]"));
+    let wrong = whirl(at, "init run.csv -o rig.toml --force --drive-hz 300");
+    assert_eq!(wrong.status, 2, "{wrong:?}");
+}
+
+#[test]
+fn a_model_goes_on_from_a_record_whose_time_has_another_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    rig_file(at, "chaotic.toml", "truth.toml", &[]);
+    done(at, "simulate --rig truth.toml --seed 1 --seconds 40 -o own.csv");
+    done(at, "identify own.csv --rig truth.toml -o model.toml");
+    stripped(at, "clock,count1,count2");
+    let command = "simulate --model model.toml --rig truth.toml --from run.csv --seconds 0.5 -o out.csv";
+    assert_eq!(whirl(at, command).status, 2);
+    done(at, &format!("{command} --time clock:s"));
+    let out = rows(&at.join("out.csv"));
+    assert!(out.len() == 250 && out[0][0] == 0.0, "{:?}", out[0]);
+    let alone = whirl(at, "simulate --model model.toml --time clock:s --seconds 1 -o none.csv");
+    assert!(alone.status == 2 && alone.stderr.contains("--from"), "{alone:?}");
 }
 
 fn header(path: &Path) -> Vec<String> {
