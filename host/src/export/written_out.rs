@@ -164,8 +164,10 @@ pub fn written_out(motion: &Motion) -> Option<WrittenOut> {
         motion.coefficients.iter().map(|c| (c.value, c.std_error, Some(c.name.as_str()))).collect();
     for (effect, strength) in motion.strengths().filter(|s| !s.1.adds.is_empty()) {
         let relative = (effect.identified.std_error / effect.identified.value).abs();
-        let alone = motion.strengths().filter(|(e, _)| e.name() == effect.name()).count() == 1;
-        constants.push((strength.value, if alone { relative * strength.value.abs() } else { f64::NAN }, None));
+        // What is known of a whole (a tone's amplitude) is known of its parts (cosine and sine).
+        let parts = motion.strengths().filter(|(e, _)| e.name() == effect.name());
+        let largest = parts.map(|(_, part)| part.value.abs()).fold(0.0, f64::max);
+        constants.push((strength.value, relative * largest, None));
     }
     let mut out = WrittenOut {
         equations: vec![WrittenEquation::default(); motion.file.equations.len()],

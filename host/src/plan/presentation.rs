@@ -5,7 +5,7 @@ use std::fmt::Write as _;
 use super::{APART, Plan, Proposal, Separated, Setting};
 use crate::identify::Parameter;
 use crate::statistics::Z95;
-use crate::wording::format::significant;
+use crate::wording::format::{significant, to_digits_of};
 
 /// Length below which times are not told, s.
 const SIMULATED_S: f64 = 20.0;
@@ -130,8 +130,9 @@ fn proposal(out: &mut String, p: &Proposal, tell: &[String]) {
     }
     let _ = writeln!(out, "  {:<28} {:>13} {:>12} (95 %)", "parameter", "value", "±");
     for (q, [low, high]) in p.parameters.iter().zip(&p.std_errors) {
-        let error = significant(Z95 * q.std_error, 3);
-        let _ = write!(out, "  {:<28} {:>13} {error:>12}", q.name, significant(q.value, 6));
+        let half = Z95 * q.std_error;
+        let (value, error) = (to_digits_of(q.value, half), significant(half, 3));
+        let _ = write!(out, "  {:<28} {value:>13} {error:>12}", q.name);
         // One record alone says nothing of others.
         if p.draws > 1 && high.is_finite() {
             let _ = write!(out, " ({} to {})", significant(Z95 * low, 3), significant(Z95 * high, 3));
