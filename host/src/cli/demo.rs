@@ -81,8 +81,8 @@ fn warnings(explained: &Explanation, identified: &Identification) -> Vec<Warning
     explained.warnings.iter().cloned().chain(earlier).collect()
 }
 
-/// The model's own parameters beside the truth: those of the model with what was missing where it
-/// was found.
+/// All parameters beside the truth: those of the model with what was missing where it was found,
+/// and that last.
 fn last_table(
     explained: &Explanation,
     identified: &Identification,
@@ -91,7 +91,9 @@ fn last_table(
     if explained.effects.is_empty() {
         return presentation::table(identified, "", truth);
     }
-    let own = explained.parameters.iter().filter(|p| !p.name.contains('@'));
+    let truth = |name: &str| truth(name).or_else(|| HIDDEN.strip_prefix(name)?.strip_prefix('=')?.parse().ok());
+    // A name that the rig does not have is told above the table alone.
+    let all = explained.parameters.iter().filter(|p| !p.name.contains('@') || truth(&p.name).is_some());
     let beside = |p: &crate::identify::Parameter| Parameter {
         name: p.name.clone(),
         value: p.value,
@@ -99,7 +101,7 @@ fn last_table(
         unit: p.unit.clone(),
         truth: truth(&p.name),
     };
-    ParameterTable { heading: String::new(), parameters: own.map(beside).collect(), notes: Vec::new() }
+    ParameterTable { heading: String::new(), parameters: all.map(beside).collect(), notes: Vec::new() }
 }
 
 /// The next experiment with the simulated rig: what tells most of all parameters in the same time. To
@@ -172,7 +174,11 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let mut results = Results::new();
     results
         .add(card.clone())
-        .add(presentation::table(&identified, "The model as it was, before anything was added", &|_| None))
+        .add(presentation::table(
+            &identified,
+            "The model as identified, before anything was added; its intervals do not yet hold what it lacks",
+            &|_| None,
+        ))
         .add(presentation::residuals(&identified))
         .add(validated.clone())
         .add(explained.clone())

@@ -14,7 +14,7 @@ use crate::model::identified::IdentifiedModel;
 use crate::motion::Motion;
 use crate::report::card::{Card, CardRow, GapBar};
 use crate::rig::Rig;
-use crate::wording::format::{Z95, plus_minus, rounded, shortest, significant};
+use crate::wording::format::{Z95, plus_minus, quantity, rounded, shortest, significant};
 use crate::wording::names;
 
 /// Most candidates that were close of which it is told why they were not taken.
@@ -164,8 +164,7 @@ fn parameters(e: &Explanation, equations: Option<&WrittenOut>) -> Vec<CardRow> {
     e.parameters.iter().map(row).collect()
 }
 
-/// The gap at each step, in noise floors and, where a forecast measured the same horizon, in the
-/// sensors' unit.
+/// The gap at each step, in noise floors and, where the sensors have one unit, in that.
 fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
     let misses: Vec<Miss> = e.gap.steps.iter().map(|s| e.gap.miss(s.value)).collect();
     // Said once, above all.
@@ -175,12 +174,9 @@ fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
         "How far predictions over {} s miss, where they were not fitted ({floors})",
         shortest(rounded(e.gap.horizon_s, 4))
     );
-    let same = e.gap.forecasts.iter().find(|f| f.horizon_s == e.gap.horizon_s && f.steps.len() == e.gap.steps.len());
-    let bar = |(i, (step, miss)): (usize, (&Step, &Miss))| {
-        let also =
-            same.and_then(|f| f.steps.get(i).map(|s| (s.value, &f.unit))).map_or_else(String::new, |(v, unit)| {
-                format!(", {}{}", significant(v, 3), if unit == "deg" { "°".to_owned() } else { format!(" {unit}") })
-            });
+    let bar = |(step, miss): (&Step, &Miss)| {
+        let own = e.gap.floor_in.as_ref().map(|floor| quantity(step.value * floor.value, &floor.unit, 3));
+        let also = own.map_or_else(String::new, |own| format!(", {}", own.replace(" °", "°")));
         let label = match miss {
             Miss::Floors(_) => format!("{miss}{also}"),
             Miss::Own { .. } if many => miss.number(),
@@ -189,7 +185,7 @@ fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
         };
         GapBar { name: step.told("with"), value: step.value, label }
     };
-    (heading, e.gap.steps.iter().zip(&misses).enumerate().map(bar).collect())
+    (heading, e.gap.steps.iter().zip(&misses).map(bar).collect())
 }
 
 /// The command that prints the laboratory tests of an effect and of those that it is not told from;

@@ -47,7 +47,7 @@ pub fn human(e: &Explanation, card: &Card) -> String {
     for f in e.gap.forecasts.iter().filter(|f| !f.steps.is_empty()) {
         let _ = writeln!(
             out,
-            "error of predictions over {} s on the last 30 % of the record, the first 70 % fitted, in {}:",
+            "another trial: error of predictions over {} s on the last 30 % of the record, by models fitted to the first 70 % alone, in {}:",
             shortest(rounded(f.horizon_s, 3)),
             if f.unit == "deg" { "degrees" } else { &f.unit }
         );

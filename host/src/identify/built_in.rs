@@ -113,7 +113,7 @@ pub fn parameters(
         warnings.push(Warning::new(
             physical::OPEN,
             format!("the known quantities leave {} open", fit.undetermined.join(", ")),
-            "Add what is known (a mass, a length, an amplitude) to [known] in the rig file",
+            "Put what you weighed or measured (a mass, a length, an amplitude) into the rig file, under [known]",
         ));
     }
     (out, (fit.freedom > 0).then_some((fit.misfit, fit.freedom)))

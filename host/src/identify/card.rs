@@ -92,7 +92,7 @@ fn undecided(group: &[String]) -> String {
     }
     format!(
         "{} trade off against each other, and this record does not separate them: a larger amplitude does, or one of them measured otherwise \
-         ([known] in the rig file).",
+         (and put under [known] in the rig file).",
         symbols(group)
     )
 }

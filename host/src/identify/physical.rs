@@ -27,17 +27,17 @@ pub fn add(
     if !fit.undetermined.is_empty() {
         let advice = match fit.wanted {
             Some((name, follow)) if !follow.is_empty() => format!(
-                "Add what you know to [known] in the rig file: with {name} given, {} {}",
+                "Put what you weighed or measured into the rig file, under [known]: with {name} given, {} {}",
                 listed(&follow),
                 if follow.len() == 1 { "follows" } else { "follow" }
             ),
             _ => {
-                "Add what you know of them to [known] in the rig file; the other values do not depend on it".to_owned()
+                "Put what you weighed or measured of them into the rig file, under [known]; the other values do not depend on it".to_owned()
             }
         };
         warnings.push(Warning::new(
             OPEN,
-            format!("the record and [known] do not determine {}", fit.undetermined.join(", ")),
+            format!("the record and what the rig file knows do not determine {}", fit.undetermined.join(", ")),
             advice,
         ));
     }

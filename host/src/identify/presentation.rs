@@ -57,7 +57,7 @@ pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Opt
             result.equations_used + result.equations_dropped
         ),
         None => format!(
-            "Weak form over {} windows of {:.3} s with test frequencies up to {:.2} Hz; angles smoothed up to {:.1} Hz (signs of velocities: \
+            "Weak form over {} windows of {:.3} s with test frequencies up to {:.2} Hz; signals smoothed up to {:.1} Hz (signs of velocities: \
          {:.1} Hz). Standard errors: {}; ± is 1.96 of them.",
             d.windows, d.window_s, d.max_frequency_hz, d.pass_hz, d.sign_pass_hz, errors_from
         ),
@@ -85,14 +85,17 @@ pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Opt
         error(result)
     ));
     if let Some((misfit, freedom)) = d.ties_misfit {
+        // A warning has its own number, of intervals that hold for correlated residuals.
+        let told = result.warnings.iter().any(|w| w.id == "tie-violated");
+        let number = format!(" (χ² = {}, expected {freedom})", significant(misfit, 4));
         notes.push(format!(
-            "{} (χ² = {}, expected {freedom}): arms with moments of inertia J_o1 and J_o2 have B11/B21 = J_o2/J_o1 = C12/C2 and B12/B15 = B22/B25.",
+            "{}{}: arms with moments of inertia J_o1 and J_o2 have B11/B21 = J_o2/J_o1 = C12/C2 and B12/B15 = B22/B25.",
             if misfit > TOO_LARGE * freedom as f64 {
                 "The coefficients contradict each other, so that the equations miss something; run `whirl explain`"
             } else {
                 "The coefficients agree with each other"
             },
-            significant(misfit, 4)
+            if told { "" } else { &number }
         ));
     }
     ParameterTable {

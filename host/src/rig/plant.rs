@@ -188,6 +188,8 @@ impl Plant {
             "g" => p.g,
             "a" => p.amplitude_m,
             "psi" => p.phase_rad,
+            "coulomb-friction@joint1" => p.tau_c1,
+            "viscous-friction@joint2" => p.c_r2,
             "tau_c1" => p.tau_c1,
             "c_r2" => p.c_r2,
             _ => return None,

@@ -72,6 +72,9 @@ pub fn unknown(rig: &Rig, bound: &ObservedModel) -> Option<Warning> {
     })
 }
 
+/// What is told of a sum over coordinates of different units.
+const MIXED: &str = "mixed units";
+
 /// The unit in which simulation errors are told: degrees where everything is an angle.
 pub struct Unit {
     /// Its name.
@@ -86,7 +89,7 @@ impl Unit {
         let units: Vec<String> = (0..bound.model.coordinates.len()).map(|k| si_unit(rig, bound, k)).collect();
         match units.first() {
             Some(first) if units.iter().all(|u| u == first) => Self::named(first),
-            _ => Self { name: "SI".to_owned(), factor: 1.0 },
+            _ => Self { name: MIXED.to_owned(), factor: 1.0 },
         }
     }
 
@@ -109,7 +112,7 @@ impl Unit {
     pub fn noise(&self, sigma: &[f64]) -> Option<InUnit> {
         let rms = (sigma.iter().map(|s| s * s).sum::<f64>() / sigma.len() as f64).sqrt() * self.factor;
         let unit = if self.name == "deg" { "°".to_owned() } else { self.name.clone() };
-        (self.name != "SI" && rms.is_finite() && rms > 0.0).then_some(InUnit { value: rms, unit })
+        (self.name != MIXED && rms.is_finite() && rms > 0.0).then_some(InUnit { value: rms, unit })
     }
 }
 

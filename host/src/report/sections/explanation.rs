@@ -74,7 +74,8 @@ fn ranking(body: &mut Html, e: &Explanation) {
 fn forecasts(body: &mut Html, e: &Explanation) {
     let Some(first) = e.gap.forecasts.first() else { return };
     body.paragraph(
-        "The gap, and the rms error of predictions of the record's last 30 % by models fitted to the first 70 %, initial states fitted to each window:",
+        "The gap is over parts spread over the whole record. As another trial, models were fitted to the first 70 % alone and predict the last 30 %: \
+         the rms error there, initial states fitted to each window. It is of other seconds, and so another number:",
     );
     let mut heads = vec![
         (Html::text("step"), Align::Right),

@@ -22,10 +22,15 @@ fn render(results: &Results) -> Option<Html> {
         }
         let whole = panels(inspection, |p| &p.whole, false);
         let start = panels(inspection, |p| &p.start, true);
-        body.figure(&lines("The beginning of the record, angles wrapped to ±π (0 hangs down).", 120.0, &start));
+        let turns = inspection.coordinates.iter().any(|c| c.space == Space::S1);
+        let wrapped = if turns { ", angles wrapped to ±π (0 hangs down)" } else { "" };
+        body.figure(&lines(&format!("The beginning of the record{wrapped}."), 120.0, &start));
+        let unwrapped = if turns { ", unwrapped" } else { "" };
         body.figure(&lines(
-            "The whole record, unwrapped; least and greatest of each stretch of time are drawn, so peaks are kept, and \
-             gaps stay open.",
+            &format!(
+                "The whole record{unwrapped}; least and greatest of each stretch of time are drawn, so peaks are kept, and \
+                 gaps stay open."
+            ),
             120.0,
             &whole,
         ));

@@ -7,6 +7,7 @@ use crate::report::figures::bars::{self, Bar};
 use crate::report::html::{Align, Html};
 use crate::report::{Results, SectionKind};
 use crate::wording::format::{Z95, fixed, plus_minus, significant, to_digits_of};
+use crate::wording::names;
 use crate::wording::symbols::symbol_svg;
 
 /// One parameter.
@@ -49,6 +50,11 @@ fn render(results: &Results) -> Option<Html> {
     (body != Html::new()).then_some(body)
 }
 
+/// A parameter's symbol; an effect's name in words.
+fn told(name: &str) -> Html {
+    if name.contains('@') { Html::text(&names::capitalised(&names::effect(name))) } else { Html::symbol(name) }
+}
+
 pub(super) fn one(body: &mut Html, table: &ParameterTable) {
     let truth = table.parameters.iter().any(|p| p.truth.is_some());
     let head = |t: &str, a| (Html::text(t), a);
@@ -68,7 +74,7 @@ pub(super) fn one(body: &mut Html, table: &ParameterTable) {
             let text = |s: String| Html::text(&s);
             let unit = if p.unit == "1" { "" } else { &p.unit };
             let mut row = vec![
-                Html::symbol(&p.name),
+                told(&p.name),
                 text(plus_minus(p.value, half)),
                 Html::text(&unit.replace(' ', "\u{a0}")),
                 text(if relative.is_finite() && half > 0.0 {
@@ -105,7 +111,7 @@ pub(super) fn one(body: &mut Html, table: &ParameterTable) {
             .map(|(p, t)| {
                 let ends = [(p.value - Z95 * p.std_error) / t, (p.value + Z95 * p.std_error) / t];
                 Bar {
-                    name: symbol_svg(&p.name),
+                    name: if p.name.contains('@') { names::effect(&p.name) } else { symbol_svg(&p.name) },
                     value: p.value / t,
                     low: ends[0].min(ends[1]),
                     high: ends[0].max(ends[1]),
@@ -120,7 +126,12 @@ pub(super) fn one(body: &mut Html, table: &ParameterTable) {
             .filter(|p| p.value != 0.0 && p.std_error > 0.0)
             .map(|p| {
                 let value = 100.0 * (Z95 * p.std_error / p.value).abs();
-                Bar { name: symbol_svg(&p.name), value, low: value, high: value }
+                Bar {
+                    name: if p.name.contains('@') { names::effect(&p.name) } else { symbol_svg(&p.name) },
+                    value,
+                    low: value,
+                    high: value,
+                }
             })
             .collect();
         if !bars.is_empty() {

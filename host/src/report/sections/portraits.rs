@@ -2,6 +2,7 @@
 //! record.
 
 use crate::inspect::Inspection;
+use crate::inspect::coordinate::Coordinate;
 use crate::inspect::motion::Space;
 use crate::report::figures::axis::Axis;
 use crate::report::figures::canvas::{Panel, Series, Shape};
@@ -12,6 +13,16 @@ use crate::wording::symbols::symbol_svg;
 
 /// Registration.
 pub const SECTION: SectionKind = SectionKind { id: "portraits", title: "Phase portraits", render };
+
+/// What is drawn to the right.
+fn drawn(coordinates: &[Coordinate]) -> &'static str {
+    let is_angle = |c: &Coordinate| c.space == Space::S1;
+    match (coordinates.iter().any(is_angle), coordinates.iter().all(is_angle)) {
+        (_, true) => "Angle on the circle",
+        (true, false) => "Each coordinate (angles on the circle)",
+        (false, false) => "Each coordinate",
+    }
+}
 
 fn render(results: &Results) -> Option<Html> {
     let mut body = Html::new();
@@ -69,7 +80,8 @@ fn render(results: &Results) -> Option<Html> {
         let columns = panels.len().clamp(1, 3);
         body.figure(&scatter(
             &format!(
-                "Angle on the circle against velocity (slopes of cubics over {} samples).{section}",
+                "{} against velocity (slopes of cubics over {} samples).{section}",
+                drawn(&inspection.coordinates),
                 inspection.coordinates.iter().map(|c| 2 * c.slope_half_width + 1).max().unwrap_or(5)
             ),
             columns,

@@ -2,6 +2,7 @@
 
 use crate::inspect::Inspection;
 use crate::inspect::coordinate::{Coordinate, Spectrum};
+use crate::inspect::motion::Space;
 use crate::report::figures::axis::Axis;
 use crate::report::figures::canvas::{Panel, Rule, Series, Shape};
 use crate::report::figures::lines::lines;
@@ -37,11 +38,15 @@ fn render(results: &Results) -> Option<Html> {
             moving.iter().enumerate().map(|(n, (i, c, s))| panel(*i, c, s, top, drive, n + 1 < moving.len())).collect();
         body.figure(&lines(
             &format!(
-                "One-sided power spectral density (Welch: {} pieces of {} samples, Hann, {} Hz a bin), of velocities for \
-                 angles, so that whirling leaves no ramp.",
+                "One-sided power spectral density (Welch: {} pieces of {} samples, Hann, {} Hz a bin){}.",
                 first.averages,
                 first.piece,
-                significant(first.bin_hz, 3)
+                significant(first.bin_hz, 3),
+                if moving.iter().any(|m| m.1.space == Space::S1) {
+                    ", of velocities for angles, so that whirling leaves no ramp"
+                } else {
+                    ""
+                }
             ),
             150.0,
             &panels,

@@ -79,8 +79,8 @@ fn horizons(body: &mut Html, v: &Validation) {
     panel.series.push(survival(&h.simulated, "model's own", 1));
     body.figure(&scatter(
         &format!(
-            "Predictions within {}° after a time: {} starts on the record, {} on the model's own; initial states fitted over {} s each.",
-            significant(h.tolerance_deg, 3),
+            "Predictions within {} after a time: {} starts on the record, {} on the model's own; initial states fitted over {} s each.",
+            h.within,
             h.measured.seconds.len(),
             h.simulated.seconds.len(),
             significant(h.fit_s, 3)
