@@ -33,6 +33,9 @@ const CLEAR_LINE: f64 = 1.4;
 
 /// Residual over noise power, ln, up to which the equations fit: a factor of 4.
 const FITS: f64 = 1.4;
+/// The same up to which a free motion does: twice the noise's power; clean records of free swings
+/// leave half of that.
+const FREE: f64 = 0.7;
 /// Other frequencies that are named beside a guess.
 const NAMED: usize = 3;
 
@@ -70,6 +73,12 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
     let at_rest = tried.iter().find(|t| t.draft.drive.is_none()).map_or(f64::INFINITY, |t| t.left);
     if at_rest - tried[0].left < DRIVEN {
         tried.retain(|t| t.draft.drive.is_none());
+        if may_hide && draft.pendulum().is_some() && at_rest > FREE {
+            // A free motion would die away; one that repeats after the drive's periods says nothing
+            // of its frequency.
+            let why = "the motion does not die away, yet the equations of motion ask for no frequency clearly; if a shaker runs, say it with --drive-hz HZ";
+            tried.iter_mut().for_each(|t| t.draft.why_model.push(Statement::new("drive", "none", why).unsure()));
+        }
     }
     let best = tried[0].draft.clone();
     let left = tried[0].left;

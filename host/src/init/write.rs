@@ -63,7 +63,7 @@ pub fn text(draft: &Draft) -> String {
 fn drive(out: &mut String, draft: &Draft) {
     let Some(d) = &draft.drive else {
         if draft.pendulum().is_some() {
-            out.push_str("\n# No line stands over the whole record, or the motion dies away: taken as a base at rest. With a shaker:\n");
+            out.push_str("\n# No drive shows, or the motion dies away: taken as a base at rest. With a shaker, --drive-hz HZ or:\n");
             out.push_str("# [drive]\n# direction = \"vertical\"     # or \"horizontal\"\n# frequency_hz = 5.0\n");
         }
         return;
