@@ -285,6 +285,8 @@ mod tests {
         let row = &card.parameters[0];
         assert_eq!((row.before, row.after, row.unit.as_str()), (Some((0.05455, 4e-5)), (0.048493, 5.6e-6), ""));
         assert!(row.plain.contains("viscous friction in joint 2"));
+        let labels: Vec<&str> = card.gap.1.iter().map(|b| b.label.as_str()).collect();
+        assert_eq!(labels, ["4.50 noise floors, 0.0900°", "1.00 noise floors, 0.0200°"]);
         assert_eq!(card.confirm, ["Quadratic drag on arm 2: repeat with a paper sail."]);
         let told = "from viscous friction in joint 1: the laboratory test of each does (`whirl list effects --show ID` prints it, ID being \
                     quadratic-drag, viscous-friction).";

@@ -179,7 +179,7 @@ pub(super) fn estimate(scene: &Scene, width: u16) -> Vec<Line<'static>> {
     let Some(standing) = &scene.standing else { return Vec::new() };
     let Some(e) = &standing.estimate else {
         return vec![Line::from(
-            "none yet: it takes some windows of twenty drive periods, of a double pendulum on a vertical drive",
+            "none yet: it comes after some windows of 20 drive periods (double pendulum, vertical drive only)",
         )];
     };
     if let Some(reason) = &e.reason {
@@ -198,7 +198,11 @@ pub(super) fn estimate(scene: &Scene, width: u16) -> Vec<Line<'static>> {
             Line::from(cells.collect::<String>())
         })
         .collect();
-    lines.push(Line::from(format!("{} windows of {} s; %: ± over the value", e.windows, significant(e.window_s, 3))));
+    lines.push(Line::from(format!(
+        "{} windows of {} s; ± is 95 %, then its share of the value",
+        e.windows,
+        significant(e.window_s, 3)
+    )));
     lines
 }
 

@@ -37,6 +37,9 @@ fn the_demo_ends_with_one_report_that_puts_the_truth_beside_the_answer() {
     let truth = page.find("id=\"truth\"").expect("the truth");
     assert!(page[truth..].contains("quadratic-drag@arm2") && page[truth..].contains("found − true"));
     assert!(!page[..truth].contains("found − true"));
+    assert!(page[truth..].contains(">Quadratic drag on arm 2</td>"));
+    // One number for one thing.
+    assert_eq!(page.matches("χ²").count(), 1);
     // What to do next comes last, in the terminal and in the page.
     let next = "The next experiment: ";
     let last: Vec<&str> = told.trim_end().lines().rev().take(2).collect();
