@@ -3,7 +3,8 @@
 //! Chaos may leave a drive no line at all in the motion, or one lower than that at 5.5 times its
 //! frequency. Its force is in the equations nevertheless: fitted with it they leave a thousand
 //! times less (in power) than beside it. Over a span S that shows within ±1/(4 S), so that a few
-//! windows are searched with a coarse comb, and the best of it in ever more windows with finer ones.
+//! windows are searched with a coarse comb, and the best of it in ever more windows with finer
+//! ones.
 
 use core::f64::consts::TAU;
 
