@@ -56,7 +56,6 @@ fn has_spring(file: &SystemFile, moves: &Polynomial, x: &Polynomial) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::effects::catalogue;
     use crate::effects::columns::{Action, Span, action, columns};
     use crate::effects::places::Place;
@@ -96,8 +95,7 @@ moves = \"q2 - q1\"
         of.value(&|s| if s == Symbol::Coordinate(1) { twist } else { 0.0 })
     }
 
-    /// Beside the shaft's own spring, written as a force or as an energy, the gap takes its force
-    /// away within b; without one it is the contact's force beyond b. Both but for the spring.
+    /// Beside the shaft's own spring the gap takes its force away within b; without one it is the contact's force beyond b. Both but for the spring.
     #[test]
     fn a_gap_takes_from_a_spring_that_there_is() {
         let force = "[[force]]\ndoes_work_on = \"q2 - q1\"\nvalue = \"-k*(q2 - q1)\"\n";
