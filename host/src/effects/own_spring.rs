@@ -63,16 +63,16 @@ mod tests {
     use crate::system::library;
 
     const LINE: &str = "name = \"line\"
-coordinates = { q1 = \"length\", q2 = \"length\" }
-parameters = { J1 = \"kg\", J2 = \"kg\", k = \"N/m\" }
+coordinates = { q1 = \"rad\", q2 = \"rad\" }
+parameters = { J1 = \"kg m^2\", J2 = \"kg m^2\", k = \"N m/rad\" }
 [[body]]
 name = \"motor\"
-mass = \"J1\"
-centroid = [\"q1\", \"0\"]
+angle = \"q1\"
+inertia = \"J1\"
 [[body]]
 name = \"load\"
-mass = \"J2\"
-centroid = [\"q2\", \"0\"]
+angle = \"q2\"
+inertia = \"J2\"
 [[joint]]
 name = \"shaft\"
 moves = \"q2 - q1\"
