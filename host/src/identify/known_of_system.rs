@@ -44,6 +44,11 @@ struct Disagreeing<'a> {
 /// there are none, or too few blocks to judge.
 pub(super) fn ties(mechanism: &Mechanism, c: &Coefficients<'_>) -> Option<Ties> {
     let b = Identified { names: c.names, values: &c.values, covariance: &c.covariance, metric: &c.covariance };
+    // The jackknife's covariance of no more blocks than coefficients is singular: in the directions
+    // that it does not have any distance is without end.
+    if c.blocks <= c.names.len() {
+        return None;
+    }
     let fit = ties::fit(mechanism, &b, &BTreeMap::new())?;
     Ties::of(fit.misfit, fit.freedom, c.blocks)
 }

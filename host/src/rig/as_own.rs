@@ -51,7 +51,9 @@ pub fn single_pendulum(rig: &Rig, dampings: &[&str], all: bool) -> Result<Rig> {
     let equation = format!("\n[[equation]]\nbalance = \"-phi1''\"\nterms = {{ {} }}\n", terms.join(", "));
     // Effects act at its joint and its arm, by the built-in's names.
     let names = "coordinates = { phi1 = \"angle\" }\n[[joint]]\nname = \"joint1\"\nmoves = \"phi1\"\n[[body]]\nname = \"arm1\"\nangle = \"phi1\"\n";
-    let text = format!("name = \"{}\"\ntime = \"tau\"\n{}{names}{equation}", rig.model, inputs(rig));
+    // The base's acceleration along its direction.
+    let inputs = if base { "inputs = { base = \"m/s^2\" }\n" } else { "" };
+    let text = format!("name = \"{}\"\ntime = \"tau\"\n{inputs}{names}{equation}", rig.model);
     let source = Source { text, path: rig.path.clone() };
     with_model(rig, system::model_of(source, None, rig.omega())?)
 }
@@ -186,6 +188,13 @@ mod tests {
         assert_eq!(single.model.coefficients(), ["c_r", "n_cos", "p_cos", "q_sin"]);
         let all = single_pendulum(&read("single-pendulum.toml"), &["c_r", "C11"], true).unwrap().bound.unwrap();
         assert_eq!(all.model.coefficients().len(), 8);
+        let base = "\n[[channel]]\nname = \"base\"\nmeasures = \"base\"\nunit = \"mm\"\n";
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/single-pendulum.toml");
+        let text =
+            std::fs::read_to_string(&path).unwrap().replacen("\n[[channel]]", &format!("{base}\n[[channel]]"), 1);
+        let measured = single_pendulum(&Rig::parse(&text, &path).unwrap(), &["c_r"], false).unwrap().bound.unwrap();
+        assert_eq!(measured.model.coefficients().len(), 3, "{:?}", measured.model.coefficients());
+        assert_eq!((measured.inputs.len(), measured.base), (1, Some(0)));
         let double = coordinates(&read("chaotic.toml")).unwrap().bound.unwrap();
         assert_eq!(double.shown, nalgebra::DMatrix::from_row_slice(2, 2, &[1.0, 0.0, -1.0, 1.0]));
     }

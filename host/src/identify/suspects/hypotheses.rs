@@ -53,8 +53,10 @@ pub(super) fn statements(scene: &Scene) -> Vec<Undo> {
     let mut out = Vec::new();
     for a in 0..channels.len() {
         // Amperes taken for counts would leave a motion that is nothing but noise, which any
-        // equations fit.
-        for b in (a + 1..channels.len()).filter(|b| channels[*b].unit == channels[a].unit) {
+        // equations fit; and a sine in the place of a motion fits all that have a stiffness: an input
+        // is not taken for one.
+        let of_its_kind = |b: &usize| channels[*b].unit == channels[a].unit && (a < n) == (*b < n);
+        for b in (a + 1..channels.len()).filter(of_its_kind) {
             out.push(Undo::Exchange(a, b, channels[b].scale() / channels[a].scale()));
         }
     }

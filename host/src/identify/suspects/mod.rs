@@ -29,6 +29,7 @@ use crate::identify::{Identification, Settings, built_in};
 use crate::record::Record;
 use crate::rig::{Direction, Drive, Rig};
 use crate::warning::Warning;
+use crate::wording::format::Z95;
 use arrow::NamedCoefficient;
 use scene::Scene;
 
@@ -127,7 +128,7 @@ pub fn examine(records: &[Record], rig: &Rig) -> Vec<Warning> {
     if !out.iter().any(|w| w.invalidates)
         && base.log > CLEAN
         && let Some(found) = find::find(&scene, &base)
-        && !is_stated(&scene, &found.undo)
+        && !is_stated(&scene, &found)
     {
         out.push(tell::tell(&scene, &base, &found));
     }
@@ -149,12 +150,21 @@ pub fn known(record: &Record, rig: &Rig) -> Vec<Warning> {
     contradicted.chain(amplitude).collect()
 }
 
-/// Whether it says the number of counts that the rig file has: a scale so near is no mistake in it.
-fn is_stated(scene: &Scene, undo: &undo::Undo) -> bool {
-    let undo::Undo::Scale(list, factor) = undo else { return false };
-    let channels = hypotheses::channels(scene);
-    let stated = |i: &usize| channels[*i].counts_per_turn.map(f64::from);
-    list.iter().all(|i| stated(i).is_some_and(|n| (factor * n).round() == n))
+/// Whether it says what the rig file does: the number of counts that it has, to which a scale is so
+/// near, or a lag that may be none.
+fn is_stated(scene: &Scene, found: &find::Finding) -> bool {
+    match &found.undo {
+        undo::Undo::Scale(list, factor) => {
+            let channels = hypotheses::channels(scene);
+            let stated = |i: &usize| channels[*i].counts_per_turn.map(f64::from);
+            list.iter().all(|i| stated(i).is_some_and(|n| (factor * n).round() == n))
+        }
+        undo::Undo::Lag { delay_s, drift, .. } => {
+            let may_be_none = |(x, error): (&f64, &f64)| x.abs() <= Z95 * error;
+            !found.errors.is_empty() && [*delay_s, *drift].iter().zip(&found.errors).all(may_be_none)
+        }
+        _ => false,
+    }
 }
 
 /// The same after an identification: the record is looked at again only where the residual or a
