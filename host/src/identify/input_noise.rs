@@ -4,6 +4,8 @@
 //! what it leaves in the equations would be taken for a missing effect. A record that is measured
 //! again ([`super::remeasured`]) has its inputs disturbed by as much once more.
 //!
+//! Where an input changes by one step of its converter at a time, its noise is that step's, q/√12.
+//!
 //! Limits: an input that fills the band, or is held between changes, does not show its noise
 //! ([`Level::Hidden`]).
 
@@ -24,6 +26,10 @@ const LEAST: f64 = 1e-6;
 /// Share of samples alike their neighbours from which an input is held between changes, whose steps
 /// reach up to the top of the band.
 const HELD: f64 = 0.2;
+/// Most of them of an input that a converter reads in few steps: a staircase stands longer. Share of
+/// the changes that are one step (by hand).
+const MOST_HELD: f64 = 0.9;
+const ONE_STEP: f64 = 0.9;
 
 /// The noise of one input.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,8 +68,22 @@ fn level<'a, I: Iterator<Item = &'a [f64]> + Clone>(all: impl Fn() -> I, step_s:
     if found.sigma <= LEAST * rms {
         return Level::Known(0.0);
     }
+    if (HELD * count..MOST_HELD * count).contains(&alike)
+        && let Some(step) = converter_step(all)
+    {
+        let sigma = step / 12f64.sqrt();
+        return if sigma < MOST * rms { Level::Known(sigma) } else { Level::Hidden };
+    }
     let shows = found.sigma < MOST * rms && found.signal_end_hz * step_s < TOP && alike < HELD * count;
     if shows { Level::Known(found.sigma) } else { Level::Hidden }
+}
+
+/// The step by which nearly all changes of an input go; none where they are of any size.
+fn converter_step<'a, I: Iterator<Item = &'a [f64]>>(all: impl Fn() -> I) -> Option<f64> {
+    let changes = || all().flat_map(|u| u.windows(2)).map(|w| (w[1] - w[0]).abs()).filter(|d| *d > 0.0);
+    let step = changes().fold(f64::INFINITY, f64::min);
+    let (one, every) = changes().fold((0.0, 0.0), |(one, n), d| (one + f64::from(u8::from(d < 1.01 * step)), n + 1.0));
+    (one > ONE_STEP * every).then_some(step)
 }
 
 /// Names of the inputs that hide their noise.
@@ -104,5 +124,15 @@ mod tests {
         let held: Vec<f64> = all.iter().step_by(10).flat_map(|x| [*x; 10]).collect();
         assert_eq!(of_input(&held), Level::Hidden);
         assert_eq!(of_input(&[1.0; 10]), Level::Hidden);
+        let coarse: Vec<f64> = (0..8_000).map(|i| 0.4 * (wave(i) / 0.4).round()).collect();
+        assert_eq!(
+            of_input(&coarse),
+            Level::Known(0.4 / 12f64.sqrt()),
+            "{:?}",
+            converter_step(|| [&coarse[..]].into_iter())
+        );
+        let two: Vec<f64> = all.iter().step_by(10).flat_map(|x| [x.signum(); 10]).collect();
+        let stairs: Vec<f64> = (0..8_000).map(|i| (i / 200 % 20) as f64).collect();
+        assert!([two, stairs].iter().all(|u| of_input(u) == Level::Hidden));
     }
 }

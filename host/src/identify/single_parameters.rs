@@ -3,7 +3,8 @@
 //!
 //! a = f g/(q_sin Ω²) follows without knowing a mass. Where the base is measured with a gain κ its
 //! term is u = m e/(κ J Ω²), and κ = q_sin/(u g) for a vertical drive. With m e (or m1 and e1)
-//! known, J = m e g/(q_sin Ω²); with J known, m e = q_sin J Ω²/g; then c_r1 and τ_c1. Standard
+//! known, J = m e g/(q Ω²); with J known, m e = q J Ω²/g, where q is q_sin, or √(q_sin² + q_cos²)
+//! where gravity's torque has both parts; then c_r1 and τ_c1. Standard
 //! errors by linear propagation of the coefficients' covariance.
 
 use super::physical_parameters::{Physical, PhysicalFit};
@@ -38,19 +39,26 @@ pub fn derive(identified: &Identified<'_>, rig: &Rig) -> Option<PhysicalFit> {
         let gain = values[q] / (values[u] * g);
         push("base_gain", "1", gain, &[(u, -gain / values[u]), (q, gain / values[q])]);
     }
+    // A sensor whose zero is off, a tilted frame and a centroid off the arm's line turn gravity's
+    // torque and leave its size: √(q_sin² + q_cos²), with its relative gradient.
+    let beside = at("q_cos").map(|i| (i, values[i]));
+    let size = values[q].hypot(beside.map_or(0.0, |b| b.1));
+    let gravity: Vec<(usize, f64)> =
+        std::iter::once((q, values[q])).chain(beside).map(|(i, v)| (i, v / (size * size))).collect();
+    let by_gravity = |factor: f64| gravity.iter().map(move |(i, r)| (*i, factor * r));
     let moment = known("m1e1").or_else(|| Some(known("m1")? * known("e1")?));
     let inertia = known("J_o1");
     let scale = match (moment, inertia) {
         (_, Some(j)) => {
             if moment.is_none() {
-                let value = values[q] * j * omega * omega / g;
-                push("m1e1", "kg m", value, &[(q, value / values[q])]);
+                let value = size * j * omega * omega / g;
+                push("m1e1", "kg m", value, &by_gravity(value).collect::<Vec<_>>());
             }
             Some((j, 0.0))
         }
         (Some(m), None) => {
-            let j = m * g / (values[q] * omega * omega);
-            push("J_o1", "kg m²", j, &[(q, -j / values[q])]);
+            let j = m * g / (size * omega * omega);
+            push("J_o1", "kg m²", j, &by_gravity(-j).collect::<Vec<_>>());
             Some((j, -1.0))
         }
         (None, None) => None,
@@ -61,7 +69,8 @@ pub fn derive(identified: &Identified<'_>, rig: &Rig) -> Option<PhysicalFit> {
         {
             if let Some(i) = at(from) {
                 let value = values[i] * factor;
-                push(name, unit, value, &[(i, factor), (q, power * value / values[q])]);
+                let gradient: Vec<_> = std::iter::once((i, factor)).chain(by_gravity(power * value)).collect();
+                push(name, unit, value, &gradient);
             }
         }
     }
@@ -91,5 +100,14 @@ mod tests {
             assert!((p.value / truth(name) - 1.0).abs() < 1e-9, "{name} {}", p.value);
             assert!((p.std_error / p.value - relative).abs() < 1e-9, "{name} {}", p.std_error);
         }
+        // An encoder whose zero is off by 0.1 rad turns gravity's torque into two parts.
+        let turned: Vec<String> = ["q_cos", "q_sin"].iter().map(|s| (*s).to_owned()).collect();
+        let values = DVector::from_vec([0.1_f64.sin(), 0.1_f64.cos()].map(|part| part * truth("q_sin")).to_vec());
+        let covariance = &DMatrix::from_diagonal(&DVector::from_vec(vec![0.0, (0.01 * truth("q_sin")).powi(2)]));
+        let found = Identified { names: &turned, values: &values, covariance, metric: covariance };
+        let fit = derive(&found, &rig).unwrap();
+        let j = fit.parameters.iter().find(|p| p.name == "J_o1").unwrap();
+        assert!((j.value / truth("J_o1") - 1.0).abs() < 1e-9, "{}", j.value);
+        assert!((j.std_error / j.value - 0.01 * 0.1_f64.cos()).abs() < 1e-9, "{}", j.std_error);
     }
 }
