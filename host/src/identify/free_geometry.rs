@@ -32,6 +32,27 @@ const FEWEST_TRANSIENTS: f64 = 5.0;
 const REACH: f64 = 4.0;
 const MOST_REACH: f64 = 0.1;
 
+/// Fewest whole windows in a record that gaps cut before shorter ones are taken: fewer decide
+/// nothing.
+const FEWEST_WINDOWS: f64 = 6.0;
+/// Step by which they shorten.
+const SHORTEN: f64 = 0.95;
+
+/// The window of a record that gaps cut: as wished where its stretches hold [`FEWEST_WINDOWS`], else
+/// the longest of which they hold [`WINDOWS`], beside the low-pass's reach; as wished where there is
+/// none.
+pub(super) fn within_gaps(wished_s: f64, stretches_s: &[f64], rate: f64) -> f64 {
+    let least_s = FEWEST_SAMPLES / rate;
+    let reach_s = MOST_REACH * stretches_s.iter().fold(0.0, |a: f64, b| a.max(*b));
+    let of = |stretch: &f64, length: f64| ((stretch - 2.0 * reach_s - length) / (0.5 * length)).floor() + 1.0;
+    let held = |length: f64| stretches_s.iter().map(|s| of(s, length).max(0.0)).sum::<f64>();
+    if stretches_s.len() < 2 || held(wished_s) >= FEWEST_WINDOWS {
+        return wished_s;
+    }
+    let shorter = std::iter::successors(Some(wished_s), |l| Some(l * SHORTEN)).take_while(|l| *l >= least_s);
+    shorter.into_iter().find(|l| held(*l) >= WINDOWS).unwrap_or(wished_s)
+}
+
 /// What is chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Choice {
@@ -76,7 +97,7 @@ pub(super) fn choose(band: &Band, stretches_s: &[f64], rate: f64, length_s: Opti
         // Transients: short windows take all parts of them alike.
         Kind::WithInputs(white) => (TRANSIENT / excited(white)).min(2.0 * PERIODS / fd).min(whole / FEWEST_TRANSIENTS),
     };
-    let length_s = length_s.unwrap_or(wished.max(FEWEST_SAMPLES / rate));
+    let length_s = length_s.unwrap_or_else(|| within_gaps(wished.max(FEWEST_SAMPLES / rate), stretches_s, rate));
     let f99 = band.acceleration_99_hz;
     let top_hz = match kind {
         Kind::Free => f99.max((f99 * band.clear_end_hz).sqrt().min(3.5 * fd)).max(1.5 * fd),
@@ -128,5 +149,18 @@ mod tests {
         assert!((other.pass_hz / one.pass_hz * 1e3 - 1.0).abs() < 1e-12);
         // Three periods at least, whatever that leaves.
         assert!((choose(&band, &[5.0], 1000.0, None, kind).length_s - 3.0 / 1.22).abs() < 1e-12);
+    }
+
+    /// A camera that drops a frame in a hundred leaves stretches of less than a second.
+    #[test]
+    fn gaps_shorten_windows_only_where_hardly_any_would_be_whole() {
+        let dropped: Vec<f64> = (0..24).map(|k| 0.4 + 0.1 * f64::from(k % 9)).collect();
+        let length = within_gaps(2.13, &dropped, 120.0);
+        assert!(length > 0.3 && length < 0.8, "{length}");
+        for stretches in [&[20.0][..], &[12.0, 8.0], &[5.0]] {
+            assert_eq!(within_gaps(2.13, stretches, 120.0), 2.13, "{stretches:?}");
+        }
+        // Too short for any: what is asked for stands, and is told.
+        assert_eq!(within_gaps(2.13, &[0.2; 30], 120.0), 2.13);
     }
 }

@@ -12,7 +12,7 @@
 //! (a quarter with inputs), the pass band up to two fifths. A window has 32 samples at least.
 
 use super::Settings;
-use super::free_geometry::{Kind, choose, narrowest_hz};
+use super::free_geometry::{Kind, choose, narrowest_hz, within_gaps};
 use super::prepared::Geometry;
 use super::windows::{Kernels, Windows};
 use crate::error::{BadInput, Result};
@@ -80,7 +80,8 @@ pub fn geometry(
     let asked = check("--window-s", settings.window_s, FEWEST_SAMPLES * step_s, 1e5)?;
     let kind = if wide { Kind::WithInputs(wanted) } else { Kind::Free };
     let free = band.filter(|_| rig.drive.is_none()).map(|b| choose(&b, stretches_s, rate, asked, kind));
-    let length_s = asked.or(free.map(|f| f.length_s)).unwrap_or(default_window.max(FEWEST_SAMPLES * step_s));
+    let whole = || within_gaps(default_window.max(FEWEST_SAMPLES * step_s), stretches_s, rate);
+    let length_s = asked.or(free.map(|f| f.length_s)).unwrap_or_else(whole);
     // Eight test functions at least; in a window too short for them, those that the rate allows.
     let free_top = wanted.min(most_top).max((8.0 / length_s).min(rate / if wide { 4.0 } else { 8.0 }));
     let top = check(
