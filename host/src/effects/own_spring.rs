@@ -64,7 +64,7 @@ mod tests {
 
     const LINE: &str = "name = \"line\"
 coordinates = { q1 = \"rad\", q2 = \"rad\" }
-parameters = { J1 = \"kg m^2\", J2 = \"kg m^2\", k = \"N m/rad\" }
+parameters = { J1 = \"kg m^2\", J2 = \"kg m^2\", k = \"N m/rad\", c = \"N m s/rad\" }
 [[body]]
 name = \"motor\"
 angle = \"q1\"
@@ -76,6 +76,9 @@ inertia = \"J2\"
 [[joint]]
 name = \"shaft\"
 moves = \"q2 - q1\"
+[[force]]
+does_work_on = \"q1\"
+value = \"-c*q1'\"
 ";
 
     /// What a gap of strength one adds to the first equation, at a twist.
@@ -85,7 +88,7 @@ moves = \"q2 - q1\"
         let entry = catalogue().iter().find(|e| e.id == "backlash").unwrap();
         let form = vec![("b".to_owned(), 0.1)];
         let span = Span { start_s: 0.0, length_s: 1.0 };
-        let parameters = [2.0, 5.0, 8.0];
+        let parameters = [2.0, 5.0, 8.0, 0.1];
         let Ok(Some(Action::Force(parts))) = action(entry, &form, Place::Joint(0), &mechanism, &parameters, 31.4, span)
         else {
             panic!("no force")

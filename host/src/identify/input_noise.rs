@@ -124,10 +124,10 @@ mod tests {
         let held: Vec<f64> = all.iter().step_by(10).flat_map(|x| [*x; 10]).collect();
         assert_eq!(of_input(&held), Level::Hidden);
         assert_eq!(of_input(&[1.0; 10]), Level::Hidden);
-        let coarse: Vec<f64> = (0..8_000).map(|i| 0.4 * (wave(i) / 0.4).round()).collect();
+        let coarse: Vec<f64> = (0..8_000).map(|i| 0.8 * (wave(i) / 0.8).round()).collect();
         assert_eq!(
             of_input(&coarse),
-            Level::Known(0.4 / 12f64.sqrt()),
+            Level::Known(0.8 / 12f64.sqrt()),
             "{:?}",
             converter_step(|| [&coarse[..]].into_iter())
         );
