@@ -125,12 +125,8 @@ mod tests {
         assert_eq!(of_input(&held), Level::Hidden);
         assert_eq!(of_input(&[1.0; 10]), Level::Hidden);
         let coarse: Vec<f64> = (0..8_000).map(|i| 0.8 * (wave(i) / 0.8).round()).collect();
-        assert_eq!(
-            of_input(&coarse),
-            Level::Known(0.8 / 12f64.sqrt()),
-            "{:?}",
-            converter_step(|| [&coarse[..]].into_iter())
-        );
+        let Level::Known(sigma) = of_input(&coarse) else { panic!("{:?}", of_input(&coarse)) };
+        assert!((sigma / 0.8 * 12f64.sqrt() - 1.0).abs() < 1e-9, "{sigma}");
         let two: Vec<f64> = all.iter().step_by(10).flat_map(|x| [x.signum(); 10]).collect();
         let stairs: Vec<f64> = (0..8_000).map(|i| (i / 200 % 20) as f64).collect();
         assert!([two, stairs].iter().all(|u| of_input(u) == Level::Hidden));
