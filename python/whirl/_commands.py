@@ -140,12 +140,12 @@ def init(*records: Source, output: Name, system: Optional[str] = None, drive_hz:
 
 def simulate(rig: Optional[Name] = None, *, seconds: Optional[float] = None, seed: Optional[int] = None,
              effect: Union[str, Sequence[str], None] = None, model: Optional[Name] = None, from_: Optional[Source] = None,
-             start: Optional[float] = None, initial: Optional[Sequence[float]] = None, output: Optional[Name] = None,
-             report: Optional[Name] = None, force: bool = False) -> Record:
+             time: Optional[str] = None, map: Map = None, start: Optional[float] = None, initial: Optional[Sequence[float]] = None,
+             output: Optional[Name] = None, report: Optional[Name] = None, force: bool = False) -> Record:
     """A record of a simulated rig, or with ``model`` of an identified one: ``whirl simulate``.
 
-    ``effect`` is such as ``"quadratic-drag@arm2=2e-6"``; ``seconds`` and ``start`` in s; ``initial`` of shape (2 n,), coordinates and then rates, SI
-    units. Without ``output`` the record is a temporary file that lives as long as the `Record`.
+    ``effect`` is such as ``"quadratic-drag@arm2=2e-6"``; ``seconds`` and ``start`` in s; ``time`` and ``map`` read ``from_``;
+    ``initial`` of shape (2 n,), coordinates and then rates, SI units. Without ``output`` the record is a temporary file that lives as long as the `Record`.
     """
     options = _options(locals())
     folder = None
@@ -153,5 +153,5 @@ def simulate(rig: Optional[Name] = None, *, seconds: Optional[float] = None, see
         folder = tempfile.TemporaryDirectory(prefix="whirl-")
         options["output"] = Path(folder.name) / "simulated.parquet"
     options["from_"] = None if from_ is None else read(from_)
-    _call("simulate", (), options)
+    _call("simulate", (), options if from_ is None else _reading([options["from_"]], options))
     return Record(options["output"], folder=folder)

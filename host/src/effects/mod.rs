@@ -21,7 +21,7 @@
 //! | [`along_an_arm`] | the same for a force per length along an arm |
 //! | [`on_a_record`] | what is added to sensors and to records of inputs, put on and taken off |
 //! | [`on_a_frame`] | the same for a frame that gives way |
-//! | [`own_spring`] | a law at a place where the system has a spring of its own |
+//! | `own_spring` | a law at a place where the system has a spring of its own |
 //! | [`between`] | pairs of coordinates, and forces between the two |
 //! | [`written`] | the same for equations that a user wrote down |
 
