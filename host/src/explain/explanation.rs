@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::engine::compared::Compared;
+use super::engine::outliers::Outlier;
 use super::engine::residual_map;
 use super::engine::unknown::Unknown;
 pub use super::gap::{AtHorizon, Forecast, Gap, InUnit, Step};
@@ -216,6 +217,9 @@ pub struct Explanation {
     /// The model with its effects, for its file.
     #[serde(skip)]
     pub model: Option<IdentifiedModel>,
+    /// Samples that stand alone far from what the model says, where something is left unexplained.
+    #[serde(skip)]
+    pub outliers: Vec<Outlier>,
     /// Things noticed.
     pub warnings: Vec<Warning>,
 }
@@ -299,6 +303,7 @@ impl Explanation {
             details: Details::default(),
             given: Vec::new(),
             model: None,
+            outliers: Vec::new(),
             warnings,
         }
     }

@@ -25,6 +25,7 @@ pub mod engine;
 mod explanation;
 pub mod gap;
 pub mod ledger;
+mod outlying;
 pub mod presentation;
 pub mod ranking;
 mod reason;
@@ -97,7 +98,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
             Ok(found) => found,
         }
     } else {
-        any_system(records, rig, settings)?
+        outlying::explain(records, rig, settings)?
     };
     // What is missing bends quantities as well: where effects explain the record, or nothing would
     // even if nothing were known, it is a remark.

@@ -29,6 +29,8 @@ const NEAR: usize = 12;
 const JUMP: f64 = 7.5;
 /// Fewest samples of a run inside a stretch.
 const FEWEST: usize = 4;
+/// Fewest at a limit that was met in full motion elsewhere.
+const MET: usize = 2;
 /// Fewest of a run that lasts to an end of the stretch.
 const FEWEST_AT_END: usize = 32;
 
@@ -83,7 +85,42 @@ pub fn runs(trace: &Trace<'_>) -> Vec<Run> {
         Run { stretch, from, to, value, extreme, open: from == 0 || to == s.len(), filled_to: None }
     };
     runs.extend(equal.into_iter().map(run));
+    let again = |of: &Run| met_again(trace, of, &runs);
+    let met: Vec<Run> =
+        [1, -1].iter().filter_map(|sign| runs.iter().find(|r| r.extreme == *sign && !r.open)).flat_map(again).collect();
+    runs.extend(met);
     runs
+}
+
+/// Where else a channel stands at a limit that it reached in full motion once: a slower motion
+/// reaches it as a turning point would, but for equal samples. Steps of a sensor make such at every
+/// turning point: there the motion before must lead beyond.
+fn met_again(trace: &Trace<'_>, of: &Run, known: &[Run]) -> Vec<Run> {
+    let mut found = Vec::new();
+    for (stretch, s) in trace.stretches.iter().enumerate() {
+        let mut from = 0;
+        while from < s.len() {
+            let to = from + (from..s.len()).take_while(|&i| s.at(i) == of.value).count();
+            let overlaps = |r: &&Run| r.stretch == stretch && r.from < to && from < r.to;
+            let beyond = trace.quantum == 0.0 || overshoot(s, from, to) > 3.0 * trace.quantum;
+            if to >= from + MET && beyond && !known.iter().any(|r| overlaps(&r)) {
+                found.push(Run { stretch, from, to, open: from == 0 || to == s.len(), ..*of });
+            }
+            from = to.max(from + 1);
+        }
+    }
+    found
+}
+
+/// How far the last three samples before a run lead beyond it by its middle, by their velocity v and
+/// change of velocity a: abs(v n/2 + a n²/8).
+fn overshoot(s: &Samples<'_>, from: usize, to: usize) -> f64 {
+    if from < 3 {
+        return 0.0;
+    }
+    let [x, y, z] = [3, 2, 1].map(|k| s.at(from - k));
+    let half = 0.5 * (to - from) as f64;
+    ((z - y) * half + 0.5 * (z - 2.0 * y + x) * half * half).abs()
 }
 
 /// A straight line.
@@ -168,6 +205,16 @@ mod tests {
         let clipped: Vec<i32> = swing(3000).iter().map(|c| (*c).clamp(-400, 400)).collect();
         let found = of(&clipped);
         assert!(found.len() > 10 && found.iter().all(|r| r.extreme != 0), "{found:?}");
+        // A limit that is met once in full motion, and once by a turning point a little beyond it.
+        let rail = |i: i32| match i {
+            0..1200 => 380.0 * (0.05 * f64::from(i)).sin(),
+            1200..2400 => 403.0 * (0.04 * f64::from(i)).sin(),
+            _ => 900.0 * (0.04 * f64::from(i)).sin(),
+        };
+        let turned: Vec<i32> = (0..2560).map(|i| (rail(i).floor() as i32).clamp(-2000, 400)).collect();
+        let found = of(&turned);
+        assert!(found.iter().any(|r| r.from > 2400) && found.iter().any(|r| r.from < 2400), "{found:?}");
+        assert!(found.iter().all(|r| r.extreme == 1 && r.value == 400.0), "{found:?}");
         // Turning points, a decay into rest, dry friction that holds for half a second and lets go.
         assert_eq!(of(&swing(3000)), []);
         let rest: Vec<i32> = (0..6000)

@@ -242,7 +242,7 @@ impl<'a> Wording<'a> {
         let w = Warning::new(
             "clipped",
             format!(
-                "{name} is cut off at {value} {}: it stands there in {} stretches that it reaches in full motion, first at {}",
+                "{name} is cut off at {value} {}: it stands there {} times, in the middle of a motion, first at {}",
                 self.unit(channel, value),
                 runs.len(),
                 self.at(runs[0].stretch, runs[0].from)

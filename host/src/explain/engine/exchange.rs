@@ -145,6 +145,43 @@ pub fn best(
     better.into_iter().max_by(most).or_else(|| simpler.into_iter().max_by(most))
 }
 
+/// Other laws, not larger, that in the place of each effect found predict as well: within two
+/// standard errors of what the model leaves. A list that was made while others were missing lacks
+/// those that were told apart by what these left.
+pub fn twins(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Vec<Vec<String>> {
+    let Evidence::Shooting(blocks) = &outcome.evidence else { return Vec::new() };
+    let free: Vec<usize> = places(&outcome.candidates, outcome.own.len());
+    let chosen = |c: &Candidate| state.chosen.iter().any(|k| k.candidate.name(setting) == c.name(setting));
+    let offers: Vec<usize> = (0..outcome.candidates.len()).filter(|&i| !chosen(&outcome.candidates[i])).collect();
+    let mut at = state.values.len();
+    let mut all = Vec::new();
+    for (k, Chosen { candidate: old, strengths }) in state.chosen.iter().enumerate() {
+        let gone = at..at + strengths.len();
+        at = gone.end;
+        if k < state.nominal {
+            continue;
+        }
+        // What is taken off the record has its increment alone here.
+        if old.is_applied() {
+            all.push(Vec::new());
+            continue;
+        }
+        let without = blocks.without(gone.clone());
+        let rest: Vec<usize> = outcome.own.iter().copied().filter(|c| !gone.contains(c)).collect();
+        let of = |&i: &usize| {
+            let c = &outcome.candidates[i];
+            let tried = (size(c) <= size(old)).then(|| instead(&without, &rest, i, c, free[i], offers.len()))??;
+            let (loss, error) = ranking::gain(&tried.fit.held_out, &outcome.fit.held_out);
+            (loss.abs() <= 2.0 * error).then(|| c.name(setting))
+        };
+        let mut names: Vec<String> = offers.par_iter().filter_map(of).collect();
+        names.sort();
+        names.dedup();
+        all.push(names);
+    }
+    all
+}
+
 /// What a law in the place of another promises: the share of what is left that it takes away more;
 /// where it is simpler and that is hardly anything, to leave as little.
 fn promised(new: &Candidate, old: &Candidate, share: f64) -> f64 {

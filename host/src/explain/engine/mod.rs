@@ -30,6 +30,7 @@
 //! | `power` | what noise alone leaves, what sensors alone feign |
 //! | `residual`, `residual_map` | where what is left sits |
 //! | `axes` | coordinates that it is looked at against |
+//! | `outliers` | samples that stand alone |
 //! | `patched`, `pieces` | a shape put together from several effects |
 //! | `relaxation` | how far inertias go from round to round |
 //! | `tell`, `units` | values, units, the model |
@@ -53,6 +54,7 @@ pub mod given;
 mod memory;
 mod moved_forms;
 mod offered;
+pub mod outliers;
 mod patched;
 mod pieces;
 mod power;
@@ -75,6 +77,7 @@ pub mod unknown;
 use self::evidence::Outcome;
 use self::run::Run;
 use self::setting::{Begun, Lines, Physical, Setting};
+use self::shooting::Coloured;
 use self::state::{Chosen, State};
 use super::decidability::{FEWEST_BLOCKS, WORST_CONDITION, locked, too_few};
 use super::explanation::Explanation;
@@ -90,7 +93,13 @@ use crate::rig::measures::ObservedModel;
 enum Attempt {
     Done(Option<Box<Explanation>>),
     Quieter(Sensors),
+    /// Of which sensors it is coloured.
+    Coloured(Sensors, Vec<Coloured>),
 }
+
+/// Most attempts: once more where the model leaves less than was taken for the noise, once more
+/// where that is coloured.
+const ATTEMPTS: usize = 3;
 
 /// Explains records of a rig; none where effects find no place in its equations.
 ///
@@ -102,13 +111,20 @@ pub fn explain(
     whole: &ObservedModel,
     settings: &Settings,
 ) -> Result<Option<Explanation>> {
-    let mut sensors = None;
+    let (mut sensors, mut told) = (None, Vec::new());
     // What is told is in units of the noise: once more from the beginning where the model found
-    // leaves less than was taken for it.
-    for last in [false, true] {
+    // leaves less than was taken for it, or what it leaves is noise that was not seen.
+    for k in 1..=ATTEMPTS {
+        let last = k == ATTEMPTS || !told.is_empty();
         match attempt(records, rig, whole, settings, sensors, last)? {
-            Attempt::Done(result) => return Ok(result.map(|r| *r)),
+            Attempt::Done(result) => {
+                return Ok(result.map(|mut r| {
+                    r.warnings.extend(units::coloured(rig, whole, &told));
+                    *r
+                }));
+            }
             Attempt::Quieter(found) => sensors = Some(found),
+            Attempt::Coloured(found, of) => (sensors, told) = (Some(found), of),
         }
     }
     Ok(None)
@@ -163,7 +179,14 @@ fn attempt(
         return Ok(Attempt::Quieter(sensors));
     }
     let outcome = run.without_pieces(outcome);
-    run.finish(&outcome, &first, undecidable).map(|r| Attempt::Done(Some(Box::new(r))))
+    run.tell_twins(&outcome);
+    let noise =
+        (!last && outcome.evidence.is_shooting()).then(|| shooting::coloured(&run.setting, &run.told.state)).flatten();
+    let result = run.finish(&outcome, &first, undecidable)?;
+    Ok(match noise.filter(|_| matches!(result.reason, Reason::Excess { shape: None, .. })) {
+        Some((sensors, of)) => Attempt::Coloured(sensors, of),
+        None => Attempt::Done(Some(Box::new(result))),
+    })
 }
 
 /// The model before anything is added, fitted in windows as long as can be followed; where there is

@@ -9,8 +9,8 @@ use super::residual_map::{Map, Where};
 use super::setting::Setting;
 use super::state::State;
 use super::{
-    Outcome, attractor, compared, forecast, given, patched, prediction, residual, shooting, simulation, tell, units,
-    unknown,
+    Outcome, attractor, compared, forecast, given, outliers, patched, prediction, residual, shooting, simulation, tell,
+    units, unknown,
 };
 use crate::error::Result;
 use crate::explain::decidability::{EXPLAINED_GAP, Left};
@@ -325,6 +325,7 @@ impl<'a> Run<'a> {
         if result.verdict == Verdict::Unexplained {
             let shape = if by_shooting { shape } else { unknown::shape(&setting, &state, outcome) };
             result.unknown = shape.map(|s| s.unknown);
+            result.outliers = outliers::find(&setting, &state);
         }
         if result.verdict != Verdict::NotDecidable {
             result.model = Some(tell::model(&setting, &state, &result)?);

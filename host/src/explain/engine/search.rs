@@ -62,6 +62,20 @@ impl Run<'_> {
         Ok(outcome)
     }
 
+    /// Adds to what no effect is told apart from those that are as good in its place now that all are
+    /// in the model.
+    pub fn tell_twins(&mut self, outcome: &Outcome) {
+        // The list of a single one was made beside nothing else.
+        if self.told.result.effects.len() < 2 {
+            return;
+        }
+        let all = exchange::twins(&self.setting, &self.told.state, outcome);
+        for (found, names) in self.told.result.effects.iter_mut().zip(all) {
+            let known = found.indistinguishable_from.clone();
+            found.indistinguishable_from.extend(names.into_iter().filter(|n| !known.contains(n)));
+        }
+    }
+
     /// Takes away what is nothing beside the others, and goes on with what had no room for it.
     pub(super) fn cleared(&mut self, search: &mut Search, most: usize, mut outcome: Outcome) -> Result<Outcome> {
         for _ in 0..MOST_RESUMED {

@@ -59,6 +59,8 @@ pub fn open(setting: &Setting<'_>) -> Vec<Simulation> {
 /// A model as it is simulated: of the record of the longest stretch.
 struct Simulated {
     stretch: usize,
+    /// Sample of it at which windows begin.
+    begin: usize,
     moving: Moving,
     /// Sign of each parameter: 0 either, NaN as it is.
     signs: Vec<f64>,
@@ -85,7 +87,8 @@ impl Simulated {
             signs::of(&chosen.candidate).get(j).copied().unwrap_or(0.0)
         };
         let signs: Vec<f64> = moving.equations.coefficients().iter().map(sign_of).collect();
-        Some(Self { stretch, moving, signs })
+        let begin = state.followed.as_ref().map_or(0, |f| f.first(stretch));
+        Some(Self { stretch, begin, moving, signs })
     }
 }
 
@@ -96,9 +99,9 @@ pub fn left_of_whole(setting: &Setting<'_>, state: &State, outcome: &Outcome) ->
     if setting.rig.drive.is_some() || !setting.bound.inputs.is_empty() {
         return None;
     }
-    let Simulated { stretch, moving, signs } = Simulated::new(setting, state, &outcome.fit.all)?;
+    let Simulated { stretch, begin, moving, signs } = Simulated::new(setting, state, &outcome.fit.all)?;
     let Moving { equations, parameters, hidden } = moving;
-    let left = |t: &Track<'_>| free_run::left_of_stretch(&equations, &parameters, &signs, t, stretch);
+    let left = |t: &Track<'_>| free_run::left_of_stretch(&equations, &parameters, &signs, t, (stretch, begin));
     state.on_free_track(setting, hidden, left)
 }
 
@@ -108,7 +111,7 @@ pub fn measure(setting: &Setting<'_>, state: &State, outcome: &Outcome, added: O
         return;
     }
     let Some(simulated) = Simulated::new(setting, state, &outcome.fit.all) else { return };
-    let Simulated { stretch, moving: Moving { equations, parameters, hidden }, signs } = simulated;
+    let Simulated { stretch, begin, moving: Moving { equations, parameters, hidden }, signs } = simulated;
     let record = setting.record_of.get(stretch).copied().unwrap_or(0);
     let own = setting.model().coefficients();
     let names = equations.coefficients();
@@ -123,7 +126,7 @@ pub fn measure(setting: &Setting<'_>, state: &State, outcome: &Outcome, added: O
     let samples = state.stretches[stretch].len();
     let window = state.followed.as_ref().map_or(samples / 8, |f| f.samples());
     for simulation in all {
-        let split = Split { stretch, fitted: (simulation.fitted * samples as f64) as usize, end: samples };
+        let split = Split { stretch, begin, fitted: (simulation.fitted * samples as f64) as usize, end: samples };
         let by_windows = outcome.until(stretch, split.fitted).and_then(|x| {
             let Moving { equations, parameters, hidden } = state.free_motion_of(setting, &x, record)?;
             let run = |t: &Track<'_>| free_run::run(&equations, &parameters, t, split, window);

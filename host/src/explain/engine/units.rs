@@ -1,5 +1,6 @@
 //! Units and horizon in which an explanation is told.
 
+use super::shooting::Coloured;
 use crate::error::{BadInput, Result};
 use crate::explain::Settings;
 use crate::explain::explanation::InUnit;
@@ -8,6 +9,7 @@ use crate::identify::stretches::Stretch;
 use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
 use crate::warning::Warning;
+use crate::wording::format::quantity;
 
 /// Horizon of the gap without a drive, s, and how many periods of the motion it may be at least and
 /// at most (by hand): the first is that of the measured pendulums' published figures; over a
@@ -70,6 +72,30 @@ pub fn unknown(rig: &Rig, bound: &ObservedModel) -> Option<Warning> {
             "If it is an angle or a length, say so in the rig file's channel (unit = \"rad\", \"deg\", \"m\", \"mm\" …)",
         )
     })
+}
+
+/// What is told of sensors whose noise is coloured.
+pub fn coloured(rig: &Rig, bound: &ObservedModel, all: &[Coloured]) -> Vec<Warning> {
+    let one = |c: &Coloured| {
+        let channel = &rig.channel[bound.sensors[c.sensor]];
+        let in_channel = |sigma: f64| quantity(sigma / channel.scale(), &channel.unit, 3);
+        Warning::new(
+            "smoothed",
+            format!(
+                "{} has noise of {} below {} and hardly any above ({}): the record was smoothed, or its sensor is slow",
+                channel.name,
+                in_channel(c.sigma),
+                quantity(c.corner_hz, "Hz", 2),
+                in_channel(c.before)
+            ),
+            "What the model leaves is taken for the noise. Give the record as the sensor showed it: intervals are then \
+             right, and fainter effects show",
+        )
+        .with("channel", channel.name.clone())
+        .with("value", c.sigma / channel.scale())
+        .with("corner_hz", c.corner_hz)
+    };
+    all.iter().map(one).collect()
 }
 
 /// What is told of a sum over coordinates of different units.

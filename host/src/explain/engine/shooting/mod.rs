@@ -29,6 +29,7 @@
 //! | [`linear`] | a window's normal equations |
 //! | [`gram`] | sums of products of the columns that are fitted together |
 //! | [`blocks`] | least squares over windows |
+//! | [`coloured`](mod@coloured) | the sensors' noise where the record was smoothed |
 //! | [`quieter`](mod@quieter) | the sensors' noise where it was taken for too much |
 //! | [`remade`](mod@remade) | what is left of records that the model itself makes |
 //! | [`stage`](mod@stage) | windows of one length until they stand still |
@@ -37,6 +38,7 @@
 
 pub mod blocks;
 mod by_inertia;
+mod coloured;
 mod course;
 mod forcing;
 mod gram;
@@ -53,6 +55,7 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use self::blocks::Blocks;
+pub use self::coloured::{Coloured, coloured};
 use self::course::{Course, List};
 use self::linear::Linear;
 use self::path::{FEWEST_SAMPLES, Path, Window, windows};
@@ -103,6 +106,11 @@ impl Followed {
     /// Samples of a window.
     pub fn samples(&self) -> usize {
         self.length.unwrap_or(0)
+    }
+
+    /// Sample of a stretch at which its windows begin.
+    pub fn first(&self, stretch: usize) -> usize {
+        self.paths.get(stretch).map_or(0, |p| p.first)
     }
 
     /// Mean of what is left of the windows, in units of the noise's power.
