@@ -5,15 +5,17 @@
 //! by decades. What the right model leaves is then noise of a flat spectrum up to the corner and
 //! hardly anything above. What a model lacks is a function of the motion, and has the motion's
 //! lines and its decay: no flat spectrum; where a random force moves it, its spectrum is flat as
-//! well, but the motion itself stands far above it up to the corner. With D_k the mean periodogram (Hann) of what is left in
-//! the windows of shooting and f_c the frequency below which nine tenths of its power lie, the
-//! flatness exp(mean ln D)/mean D over the bins up to f_c (Gray and Markel 1974) is 1 − 1/ν for
-//! white noise and ν degrees of freedom. Next to the corner the record must hold little else.
+//! well, but the motion itself stands far above it up to the corner. With D_k the mean periodogram
+//! (Hann) of what is left in the windows of shooting and f_c the frequency below which nine tenths
+//! of its power lie, the flatness exp(mean ln D)/mean D over the bins up to f_c (Gray and Markel
+//! 1974) is 1 − 1/ν for white noise and ν degrees of freedom. Next to the corner the record must
+//! hold little else.
 
 use core::f64::consts::{PI, TAU};
 
 use realfft::{RealFftPlanner, RealToComplex};
 
+use super::super::exchange::MISSES;
 use super::super::setting::Setting;
 use super::super::state::State;
 use crate::identify::remeasured::Sensors;
@@ -100,7 +102,7 @@ pub fn coloured(setting: &Setting<'_>, state: &State) -> Option<(Sensors, Vec<Co
     for k in (0..out.sigma.len()).filter(|&k| setting.sensors.count[k].is_none()) {
         let rest = rest(setting, state, k)?;
         let sigma = rest.square.sqrt();
-        if sigma <= out.sigma[k] {
+        if sigma * sigma <= MISSES * out.sigma[k] * out.sigma[k] {
             continue;
         }
         let corner = rest.corner()?;
