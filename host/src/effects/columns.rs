@@ -15,6 +15,7 @@ use super::entry::{Entry, Form, MASS, Verb};
 use super::on_a_frame;
 use super::own_spring;
 use super::places::{self, Place};
+use super::turned::Rotation;
 use super::written::{self, Change};
 use crate::model::model_file::expression::{Node, Symbol, add, multiply, number, symbol};
 use crate::model::model_file::memory::Memory;
@@ -22,7 +23,7 @@ use crate::model::model_file::parser::Mistake;
 use crate::system::bodies::Body;
 use crate::system::derivative::{by_time, partial};
 use crate::system::lagrange;
-use crate::system::language::{Gravity, SystemFile};
+use crate::system::language::SystemFile;
 use crate::system::mechanism::{Mechanism, at};
 use crate::system::polynomial::{Atom, Polynomial, Product};
 use crate::system::words::{Value as Word, Words};
@@ -199,11 +200,13 @@ pub fn action(
         }
         (Place::Arm(k), Verb::Turns) => {
             let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
-            Ok(turned_arm(file, k, &law).and_then(|f| changed(mechanism, &f, own, omega)))
+            let by = Rotation::of(entry, &law, own);
+            Ok(by.and_then(|r| r.arm(file, k)).and_then(|f| changed(mechanism, &f, own, omega)))
         }
         (Place::Frame, Verb::Turns) => {
             let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
-            Ok(turned_frame(file, &law).and_then(|f| changed(mechanism, &f, own, omega)))
+            let by = Rotation::of(entry, &law, own);
+            Ok(by.and_then(|r| r.frame(file)).and_then(|f| changed(mechanism, &f, own, omega)))
         }
         (Place::Encoder(_) | Place::Input(_), Verb::Reads) => {
             let x = Polynomial::motion(Symbol::Coordinate(0));
@@ -351,29 +354,6 @@ fn displaced(file: &SystemFile, by: &[Polynomial]) -> SystemFile {
         }
     }
     out
-}
-
-/// The system with an arm's centroid off its line by an angle.
-fn turned_arm(file: &SystemFile, k: usize, by: &Polynomial) -> Option<SystemFile> {
-    let mut out = file.clone();
-    let Body::Arm { along, .. } = &mut out.bodies[k].value else { return None };
-    let [right, up] = &along[..] else { return None };
-    let across = [up.scaled(-1.0), right.clone()];
-    let turned = along.iter().zip(&across).map(|(u, n)| Some(u.plus(&n.times(by).ok()?))).collect::<Option<_>>()?;
-    *along = turned;
-    Some(out)
-}
-
-/// The system with gravity turned so that what hangs does so at the positive angle.
-fn turned_frame(file: &SystemFile, by: &Polynomial) -> Option<SystemFile> {
-    let mut out = file.clone();
-    let components = file.words.points.first().map_or(2, |p| p.1.len());
-    let g = file.gravity_strength();
-    let mut pull = vec![Polynomial::default(); components];
-    pull[0] = g.times(by).ok()?;
-    pull[components - 1] = g.scaled(-1.0);
-    out.gravity = Some(Gravity::Along(pull));
-    Some(out)
 }
 
 /// Columns of the parts at values of the parameters: for each strength its additions to the

@@ -108,6 +108,9 @@ pub struct Entry {
     pub alias: bool,
     /// Unit of its value, where it does not follow from the place.
     pub unit: Option<String>,
+    /// Values of the strengths near which columns are made, where they do not enter linearly; empty
+    /// for nothing.
+    pub about: Vec<f64>,
     /// What it adds, for people.
     pub equation: String,
     /// How it shows in residuals.

@@ -21,6 +21,7 @@
 //! | [`along_an_arm`] | the same for a force per length along an arm |
 //! | [`on_a_record`] | what is added to sensors and to records of inputs, put on and taken off |
 //! | [`on_a_frame`] | the same for a frame that gives way |
+//! | `turned` | a centroid off its line, gravity in a frame that leans |
 //! | `own_spring` | a law at a place where the system has a spring of its own |
 //! | [`between`] | pairs of coordinates, and forces between the two |
 //! | [`written`] | the same for equations that a user wrote down |
@@ -36,6 +37,7 @@ mod own_spring;
 pub mod places;
 pub mod put_in;
 pub mod states;
+mod turned;
 pub mod value;
 pub mod written;
 

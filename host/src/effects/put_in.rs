@@ -232,7 +232,8 @@ pub fn of(
             };
             strengths.iter_mut().for_each(|s| *s /= factor);
         }
-        let action = columns::action(entry, &form, *place, mechanism, physical, rig.omega(), span);
+        let known = entry.about(&strengths);
+        let action = columns::action(&known, &form, *place, mechanism, physical, rig.omega(), span);
         let all = match &action {
             Ok(Some(Action::Force(parts))) => Some(columns::columns(parts, strengths.len(), mechanism, physical)),
             Ok(Some(Action::Changes(all))) => Some(written::columns(all, model, direction, omega, own)),

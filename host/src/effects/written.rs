@@ -11,10 +11,11 @@
 //! * G_e, the part of F_e that the drive's phase moves at rest, is K_e(q) ÿ₀ with y₀ = a cos(τ −
 //!   ψ): a base that moves by y as well adds K_e ÿ along the drive, and K_e with all angles turned
 //!   by a quarter across it.
-//! * Gravity is the part of F_e that rests on sines and cosines of angles alone: a frame that is
-//!   turned by β adds −β Σ_i ∂/∂φ_i of it, a centroid off the line of arm k β ∂(it + G_k)/∂φ_k in
-//!   equation k. An arm on which no joint hangs turns with all of itself: β ∂F_e/∂φ_k of what rests
-//!   on angles in every equation, as if its encoder had another zero.
+//! * Gravity is the part f of F_e that rests on sines and cosines of angles alone. What is turned by β
+//!   adds sin β D f + (1 − cos β) D² f, exactly so where angles stand there once ([`super::turned`]):
+//!   D is −Σ_i ∂/∂φ_i for a frame, ∂/∂φ_k for a centroid off the line of arm k, in equation k and of
+//!   f + G_k. An arm on which no joint hangs turns with all of itself: what rests on angles in every
+//!   equation, as if its encoder had another zero.
 
 mod inertias;
 mod left_hand_sides;
@@ -30,6 +31,7 @@ use self::load::{Equations, Hung};
 use super::columns::{LOAD, Span};
 use super::entry::{At, Entry, Form, MASS};
 use super::places::{Place, SIZE};
+use super::turned::Rotation;
 use crate::model::model_file::expression::{
     Function, Node, Symbol, add, as_number, multiple, multiply, number, subtract, symbol,
 };
@@ -44,6 +46,24 @@ use crate::system::mechanism::{Mechanism, Named};
 use crate::system::polynomial::{Atom, Polynomial};
 use crate::system::words::{Value as Word, Words};
 
+/// What a strength of one does of a rotation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Turn {
+    /// Of its sine.
+    sine: Node,
+    /// Of 1 − cos.
+    versine: Node,
+}
+
+impl Turn {
+    /// What it adds, by the derivative along the rotation.
+    fn of(&self, still: &Node, along: &dyn Fn(&Node) -> Node) -> Node {
+        let first = along(still);
+        let second = if as_number(&self.versine) == Some(0.0) { number(0.0) } else { along(&first) };
+        add(multiply(self.sine.clone(), first), multiply(self.versine.clone(), second))
+    }
+}
+
 /// What a strength of one does beside forces.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Change {
@@ -57,9 +77,9 @@ pub enum Change {
     },
     /// Turns the centroid of the arm with this coordinate, on which nothing hangs or something
     /// does.
-    Arm(usize, bool, Node),
+    Arm(usize, bool, Turn),
     /// Turns gravity.
-    Frame(Node),
+    Frame(Turn),
     /// Does work at a joint on which arms hang, by their load ([`Symbol::State`] 0 in it) for a mass
     /// in units of the nearest arm's own inertia.
     Load(Hung, f64, Node),
@@ -183,6 +203,11 @@ pub fn changes(
         let of = |k: usize| parts.get(&vec![(Atom::Parameter(own + k), 1)]);
         (0..count).map(|k| of(k).map_or_else(|| number(0.0), Polynomial::node)).collect()
     };
+    let turns = |law: &Polynomial| -> Option<Vec<Turn>> {
+        let by = Rotation::of(entry, law, own)?;
+        let both = by_strength(&by.sine).into_iter().zip(by_strength(&by.versine));
+        Some(both.map(|(sine, versine)| Turn { sine, versine }).collect())
+    };
     match (place, entry.at) {
         (Place::Drive, At::Drive) if entry.verb == super::entry::Verb::Moves => {
             // The drive's own displacement in units of its amplitude.
@@ -204,7 +229,8 @@ pub fn changes(
             let Body::Arm { angle: Some(angle), .. } = &file.bodies[k].value else { return None };
             let turned = (0..file.coordinates.len()).find(|&i| *angle == Polynomial::motion(Symbol::Coordinate(i)))?;
             let Ok(Word::Scalar(law)) = entry.law(&words, form) else { return None };
-            Some(by_strength(&law).into_iter().map(|of| Change::Arm(turned, is_last(file, turned), of)).collect())
+            let is_last = is_last(file, turned);
+            Some(turns(&law)?.into_iter().map(|turn| Change::Arm(turned, is_last, turn)).collect())
         }
         (Place::Joint(k), At::Joint) if entry.states.is_empty() => {
             let hung = load::hung(&file.joints, k, file.coordinates.len())?;
@@ -219,7 +245,7 @@ pub fn changes(
         }
         (Place::Frame, At::Frame) => {
             let Ok(Word::Scalar(law)) = entry.law(&words, form) else { return None };
-            Some(by_strength(&law).into_iter().map(Change::Frame).collect())
+            Some(turns(&law)?.into_iter().map(Change::Frame).collect())
         }
         _ => None,
     }
@@ -313,26 +339,23 @@ pub fn columns(
                 };
                 kept((0..parts.len()).map(|e| (e, sum(e))).collect())
             }
-            Change::Arm(k, true, law) => {
-                let turned = |side: &Node| multiply(law.clone(), slope(&of_angles(side), *k));
+            Change::Arm(k, true, turn) => {
+                let turned = |side: &Node| turn.of(&of_angles(side), &|n| slope(n, *k));
                 kept(all.iter().enumerate().map(|(e, side)| (e, turned(side))).collect())
             }
-            Change::Arm(k, false, law) => {
+            Change::Arm(k, false, turn) => {
                 let [still, driven] = &parts[*k];
-                let turned = add(slope(&of_angles(still), *k), slope(&of_angles(driven), *k));
-                kept(vec![(*k, multiply(law.clone(), turned))])
+                let own = add(of_angles(still), of_angles(driven));
+                kept(vec![(*k, turn.of(&own, &|n| slope(n, *k)))])
             }
             Change::Load(hung, mass, law) => {
                 let equations = Equations { model, direction, omega, values };
                 equations.columns(hung, *mass, law).map_or_else(Vec::new, kept)
             }
-            Change::Frame(law) => {
+            Change::Frame(turn) => {
                 let angles = (0..model.coordinates.len()).filter(|&k| model.coordinates[k].space == Space::Circle);
-                let of = |still: &Node| {
-                    let still = of_angles(still);
-                    angles.clone().fold(number(0.0), |sum, k| subtract(sum, slope(&still, k)))
-                };
-                kept(parts.iter().enumerate().map(|(e, [s, _])| (e, multiply(law.clone(), of(s)))).collect())
+                let back = |n: &Node| angles.clone().fold(number(0.0), |sum, k| subtract(sum, slope(n, k)));
+                kept(parts.iter().enumerate().map(|(e, [s, _])| (e, turn.of(&of_angles(s), &back))).collect())
             }
         })
         .collect()

@@ -193,7 +193,7 @@ pub fn on_mechanism(
     }
     let values = &e.strengths[..entry.strengths.len()];
     let laws = |laws: Vec<Node>| laws.into_iter().zip(values.iter().copied()).collect::<Vec<_>>();
-    let action = columns::action(entry, &form, place, mechanism, physical, omega, span);
+    let action = columns::action(&entry.about_found(values), &form, place, mechanism, physical, omega, span);
     match action {
         Ok(Some(Action::Force(_) | Action::Changes(_))) => {
             let adds = match &action {

@@ -165,6 +165,7 @@ fn one(r: &Reader<'_>, t: &DeTable<'_>, at: usize, before: &[Entry]) -> Result<E
         states,
         turning,
         alias: false,
+        about: Vec::new(),
     };
     states::check(r, t, &entry, vocabulary)?;
     check(r, &entry, vocabulary, law_value)?;

@@ -6,7 +6,7 @@ use super::memory;
 use super::setting::{Physical, Setting};
 use super::state::State;
 use crate::effects::columns::{self, Action};
-use crate::effects::entry::{Entry, Form};
+use crate::effects::entry::{Entry, Form, Verb};
 use crate::effects::places::{self, Place, SIZE};
 use crate::effects::written;
 use crate::model::model_file::by_parts::pieces_of_effect;
@@ -229,6 +229,22 @@ impl Candidate {
         let mut entry = (*self.entry).clone();
         entry.positive.fill(false);
         Self { entry: Arc::new(entry), ..self }
+    }
+
+    /// The angle about which it is turned; none where it turns nothing.
+    pub fn turned_by(&self) -> Option<f64> {
+        (self.entry.verb == Verb::Turns).then(|| self.entry.about.first().copied().unwrap_or(0.0))
+    }
+
+    /// The same near its strengths, where they do not enter linearly.
+    #[must_use]
+    pub fn about(&self, setting: &Setting<'_>, strengths: &[f64], physical: &Physical) -> Self {
+        let entry = Arc::new(self.entry.about_found(strengths));
+        let Some(action) = Self::action_of(setting, &entry, self.place, &self.form, physical) else {
+            return self.clone();
+        };
+        let near = Self { entry, action, ..self.clone() };
+        if self.is_refined() { near.refined(setting, physical) } else { near }
     }
 
     /// The same in another form.

@@ -237,7 +237,9 @@ fn singular() -> BadInput {
 pub fn refit(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate>) -> Result<Outcome> {
     // The first rounds settle weights, linearised effects and forms; the last carries the
     // candidates' columns as well.
-    let rounds = if state.chosen.iter().any(|k| k.candidate.is_refined()) { 4 } else { 2 };
+    // Trajectories are followed on while a rotation moves.
+    let settles = |c: &Candidate| c.is_refined() || (!setting.shooting && c.turned_by().is_some());
+    let rounds = if state.chosen.iter().any(|k| settles(&k.candidate)) { 4 } else { 2 };
     state.relaxation = Relaxation::default();
     if setting.shooting {
         by_shooting(setting, state, candidates, rounds)

@@ -111,6 +111,8 @@ pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -
                 let own = column.iter().find(|c| c.0 == terms.equation);
                 *to = own.and_then(|(_, of)| multiple(term, of)).map_or(0.0, |k| k * from);
             }
+        } else {
+            joined.candidate = joined.candidate.about(setting, &joined.strengths, &state.physical);
         }
         state.chosen.push(joined);
     }

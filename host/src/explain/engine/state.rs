@@ -61,6 +61,15 @@ impl Chosen {
             self.strengths.iter_mut().for_each(|s| *s *= ratio);
         }
     }
+
+    /// Renews what is turned near its angle β, which moved by δ and has a standard error; whether
+    /// what that changes in the rotation, ½ β δ, is more than a share of it.
+    fn turn(&mut self, setting: &Setting<'_>, physical: &Physical, std_error: f64) -> bool {
+        let Some(before) = self.candidate.turned_by() else { return false };
+        self.candidate = self.candidate.about(setting, &self.strengths, physical);
+        let now = self.candidate.turned_by().unwrap_or(before);
+        0.5 * (now * (now - before)).abs() > SMALL_INCREMENT * std_error
+    }
 }
 
 /// A model that moves.
@@ -127,7 +136,10 @@ impl State {
             }
             self.physical = physical;
         }
+        let mut at = n;
         for k in &mut self.chosen {
+            is_short |= k.turn(setting, &self.physical, covariance[(at, at)].max(0.0).sqrt());
+            at += k.strengths.len();
             let steps = k.candidate.steps(&k.strengths);
             if k.candidate.is_refined() && !steps.is_empty() {
                 // A Gauss–Newton step of the form's parameters.
