@@ -360,13 +360,24 @@ fn displaced(file: &SystemFile, by: &[Polynomial]) -> SystemFile {
 /// equations.
 pub fn columns(parts: &[Part], strengths: usize, mechanism: &Mechanism, parameters: &[f64]) -> Vec<Vec<(usize, Node)>> {
     let scale: Vec<f64> = mechanism.scales.iter().map(|(_, d)| 1.0 / at(d, parameters)).collect();
-    let mut out: Vec<Vec<(usize, Node)>> = vec![Vec::new(); strengths];
+    // What several bodies add alike is one term.
+    let mut alike: Vec<Vec<(usize, Node, f64)>> = vec![Vec::new(); strengths];
     for part in parts {
         let factor = at(&Polynomial::product(part.product.clone(), 1.0), parameters) * scale[part.equation];
-        let of = multiply(number(factor), part.at(parameters));
-        match out[part.strength].iter_mut().find(|c| c.0 == part.equation) {
-            Some(c) => c.1 = add(c.1.clone(), of),
-            None => out[part.strength].push((part.equation, of)),
+        let (of, all) = (part.at(parameters), &mut alike[part.strength]);
+        match all.iter_mut().find(|t| t.0 == part.equation && t.1 == of) {
+            Some(t) => t.2 += factor,
+            None => all.push((part.equation, of, factor)),
+        }
+    }
+    let mut out: Vec<Vec<(usize, Node)>> = vec![Vec::new(); strengths];
+    for (column, all) in out.iter_mut().zip(alike) {
+        for (equation, of, factor) in all {
+            let of = multiply(number(factor), of);
+            match column.iter_mut().find(|c| c.0 == equation) {
+                Some(c) => c.1 = add(c.1.clone(), of),
+                None => column.push((equation, of)),
+            }
         }
     }
     out

@@ -22,7 +22,7 @@ const SPAN: Span = Span { start_s: 2.0, length_s: 40.0 };
 const SHORT_S: f64 = 1e-6;
 
 /// Effect on the rig, the strengths that it has in the catalogue.
-const EFFECTS: [(&str, &[f64]); 29] = [
+const EFFECTS: [(&str, &[f64]); 34] = [
     ("viscous-friction@joint1=1e-4", &[1e-4]),
     ("coulomb-friction@joint2=1e-4", &[1e-4]),
     ("stribeck-friction@joint1=1e-3,v_s=3", &[1e-3]),
@@ -43,7 +43,12 @@ const EFFECTS: [(&str, &[f64]); 29] = [
     ("amplitude-dependent-damping@joint2=1e-5", &[1e-5]),
     ("imbalance@arm1=1e-4", &[1e-4]),
     ("imbalance@arm2=1e-4", &[1e-4]),
+    ("imbalance@arm1=0.03", &[0.03]),
+    ("imbalance@arm1=0.3", &[0.3]),
+    ("imbalance@arm2=-0.3", &[-0.3]),
     ("frame-tilt@frame=1e-4", &[1e-4]),
+    ("frame-tilt@frame=0.03", &[0.03]),
+    ("frame-tilt@frame=-0.3", &[-0.3]),
     ("friction-drift@joint2=1e-3", &[1e-3]),
     ("power-law-damping@joint1=1e-4,p=1.5", &[1e-4]),
     ("power-law-damping@joint2=1e-5,p=0.5", &[1e-5]),
@@ -155,7 +160,8 @@ fn agree(base: &Base) {
             rest.split(',').find_map(|t| t.strip_prefix(&format!("{n}="))).unwrap().parse().unwrap()
         };
         let form: Form = entry.shapes.iter().map(|s| (s.name.clone(), told(&s.name))).collect();
-        let action = action(entry, &form, place(at), &mechanism, &values, OMEGA, SPAN).unwrap();
+        let known = entry.about(strengths);
+        let action = action(&known, &form, place(at), &mechanism, &values, OMEGA, SPAN).unwrap();
         let Some(Action::Force(parts)) = action else { panic!("{text}") };
         let columns = columns(&parts, strengths.len(), &mechanism, &values);
         // A ripple takes from a level that is there.

@@ -98,3 +98,42 @@ impl Rotation {
         Some(out)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::catalogue;
+    use super::*;
+    use crate::model::model_file::expression::Symbol;
+
+    /// An angle of one strength is turned by itself at that strength whatever its course.
+    #[test]
+    fn an_angle_that_changes_with_time_is_turned_by_as_well() {
+        let own = 3;
+        let angle =
+            Polynomial::motion(Symbol::Time).scaled(0.5).times(&Polynomial::atom(Atom::Parameter(own))).unwrap();
+        let tilt = catalogue().iter().find(|e| e.id == "frame-tilt").unwrap();
+        for (near, strength, of) in [(0.3, 0.3, 0.3), (0.0, 0.3, 0.0), (1e-9, 1e-9, 1e-9)] {
+            let by = Rotation::of(&tilt.about(&[near]), &angle, own).unwrap();
+            for t in [-2.0, 0.0, 1.7] {
+                let value = |p: &Polynomial| p.value(&|a| if *a == Atom::Parameter(own) { strength } else { t });
+                let beta = 0.5 * t * of;
+                let wanted = if near == 0.0 { [0.5 * t * strength, 0.0] } else { [beta.sin(), 1.0 - beta.cos()] };
+                let found = [value(&by.sine), value(&by.versine)];
+                assert!(
+                    found.iter().zip(wanted).all(|(a, b)| (a - b).abs() < 1e-15),
+                    "{near} {t}: {found:?} {wanted:?}"
+                );
+            }
+        }
+    }
+
+    /// A fit does not step about angles from which its steps would not come back.
+    #[test]
+    fn large_angles_are_kept_to_those_a_fit_can_follow_and_known_ones_are_not() {
+        let tilt = catalogue().iter().find(|e| e.id == "frame-tilt").unwrap();
+        assert_eq!((tilt.about_found(&[7.0]).about, tilt.about(&[2.0]).about), (vec![MOST], vec![2.0]));
+        assert_eq!(tilt.about(&[f64::NAN]).about, tilt.about);
+        let drag = catalogue().iter().find(|e| e.id == "quadratic-drag").unwrap();
+        assert_eq!(drag.about(&[2.0]), *drag);
+    }
+}

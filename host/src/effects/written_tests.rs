@@ -78,7 +78,13 @@ fn effects_on_written_equations_are_those_of_the_bodies() {
     let a = PARAMETERS[7].hypot(PARAMETERS[8]);
     let names = places_of.file.clone().unwrap();
     let mut compared = 0;
-    for entry in catalogue().iter().filter(|e| !matches!(e.verb, Verb::Reads | Verb::Advances)) {
+    // What is turned, by angles that are known as well.
+    let known = |e: &Entry| {
+        let angles: &[f64] = if e.verb == Verb::Turns { &[0.0, 0.03, -0.3] } else { &[0.0] };
+        angles.iter().map(|a| e.about(&[*a])).collect::<Vec<_>>()
+    };
+    let acts = catalogue().iter().filter(|e| !matches!(e.verb, Verb::Reads | Verb::Advances));
+    for entry in &acts.flat_map(known).collect::<Vec<_>>() {
         for place in places::of(entry, &names, bound) {
             // Only the part of arm 1 that hangs on it alone would turn, which written equations do
             // not tell.
@@ -146,4 +152,41 @@ fn coordinates_without_names_are_places_themselves() {
     let odd = text.replace("a''*cos(b - a)", "a''*sin(b - a)");
     let odd = ModelFile::parse(&odd, Path::new("m.toml")).unwrap();
     assert!(inertias(&odd, 1.0, &values).unwrap().coupled.is_empty());
+}
+
+/// A fit of q and β to a pendulum in a frame that leans, about the angle of the round before: by the
+/// first order alone q is cos β of what it is and β its tangent; renewed it ends at the rotation.
+#[test]
+fn a_fit_that_renews_the_angle_ends_at_the_rotation() {
+    let text = "name = \"m\"\ncoordinates = [{ name = \"a\", space = \"S1\" }]\n\
+        [[equation]]\nbalance = \"-a''\"\nterms = { q = \"sin(a)\" }\n";
+    let model = ModelFile::parse(text, Path::new("m.toml")).unwrap();
+    let q = 41.9;
+    for (id, sign) in [("frame-tilt", -1.0), ("imbalance", 1.0)] {
+        let entry = catalogue().iter().find(|e| e.id == id).unwrap();
+        for beta in [0.03, -0.3] {
+            let states: Vec<f64> = (0..50).map(|k| 0.13 * f64::from(k)).collect();
+            let wanted: Vec<f64> = states.iter().map(|a| q * (a + sign * beta).sin()).collect();
+            let (mut found, mut first) = ([q, 0.0], None);
+            for _ in 0..12 {
+                let values = [found[0]];
+                let places_of = mechanism(&model, None, 1.0, &values).unwrap();
+                let place = if id == "imbalance" { Place::Arm(0) } else { Place::Frame };
+                let near = entry.about_found(&found[1..]);
+                let file = places_of.file.as_deref().unwrap();
+                let all = changes(&near, &Vec::new(), place, file, SPAN, 1.0, 0.0).unwrap();
+                let column = super::columns(&all, &model, None, 1.0, &values).remove(0).remove(0).1;
+                let at = |a: f64| column.value(&|_| a);
+                let sum = |f: &dyn Fn(usize) -> f64| (0..states.len()).map(f).sum::<f64>();
+                let (x, y) = (|i: usize| states[i].sin(), |i: usize| at(states[i]));
+                let [xx, xy, yy] = [sum(&|i| x(i) * x(i)), sum(&|i| x(i) * y(i)), sum(&|i| y(i) * y(i))];
+                let [xw, yw] = [sum(&|i| x(i) * wanted[i]), sum(&|i| y(i) * wanted[i])];
+                let determinant = xx * yy - xy * xy;
+                found = [(yy * xw - xy * yw) / determinant, (xx * yw - xy * xw) / determinant];
+                first = first.or(Some(found[0]));
+            }
+            assert!((first.unwrap() / q - beta.cos()).abs() < 1e-9, "{first:?}");
+            assert!((found[0] / q - 1.0).abs() < 1e-8 && (found[1] - beta).abs() < 1e-8, "{id} {beta}: {found:?}");
+        }
+    }
 }

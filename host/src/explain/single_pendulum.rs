@@ -182,3 +182,73 @@ fn inertia(rig: &Rig, q_sin: f64) -> Option<f64> {
         Some(moment * g / (q_sin * rig.omega() * rig.omega())).filter(|j| j.is_finite() && *j > 0.0)
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use super::*;
+    use crate::motion::Motion;
+    use crate::record::{Column, Segment};
+
+    /// Counts to a turn.
+    const COUNTS: f64 = 4096.0;
+    const STEP_S: f64 = 0.005;
+    /// Gravity and viscous friction of the pendulum, over its inertia.
+    const TRUTH: [f64; 2] = [41.923, 0.0678];
+
+    /// Half a minute of a free pendulum whose encoder's zero is off.
+    fn record(rig: &Rig, off: f64) -> Record {
+        let [q, c] = TRUTH;
+        let rate = |[x, v]: [f64; 2]| [v, -q * x.sin() - c * v];
+        let moved = |s: [f64; 2], by: f64, r: [f64; 2]| [s[0] + by * r[0], s[1] + by * r[1]];
+        let (mut state, h) = ([1.9, 0.0], STEP_S / 4.0);
+        let mut counts = Vec::new();
+        for _ in 0..6000 {
+            counts.push(((state[0] + off) * COUNTS / core::f64::consts::TAU).floor() as i32);
+            for _ in 0..4 {
+                let k1 = rate(state);
+                let k2 = rate(moved(state, 0.5 * h, k1));
+                let k3 = rate(moved(state, 0.5 * h, k2));
+                let k4 = rate(moved(state, h, k3));
+                state = [0, 1].map(|i| state[i] + h / 6.0 * (k1[i] + 2.0 * k2[i] + 2.0 * k3[i] + k4[i]));
+            }
+        }
+        Record::of("(simulated)", rig, vec![Segment::new(0.0, STEP_S, vec![Column::Counts(counts)])])
+    }
+
+    /// Beside an angle by which the zero is off stands the gravity that there is, not its cosine's
+    /// share of it; and the model is one of that pendulum, read again or explained once more.
+    #[test]
+    fn gravity_beside_a_zero_that_is_off_is_its_own() {
+        let text = format!(
+            "name = \"p\"\nmodel = \"single-pendulum\"\nsample_rate_hz = 200.0\n[[channel]]\nname = \"enc\"\n\
+             measures = \"theta1\"\nunit = \"count\"\ncounts_per_turn = {COUNTS}\n"
+        );
+        let rig = Rig::parse(&text, Path::new("rig.toml")).unwrap();
+        for off in [0.03, -0.3] {
+            let records = [record(&rig, off)];
+            let found = explain(&records, &rig, &Settings::default()).unwrap();
+            let names: Vec<String> = found.effects.iter().map(|e| e.name()).collect();
+            assert_eq!(names, ["imbalance@arm1"], "{off}: {}", found.reason);
+            let beta = &found.effects[0];
+            assert!((beta.value + off).abs() < 4.0 * beta.std_error, "{off}: {} ± {}", beta.value, beta.std_error);
+            for (name, truth) in [("q_sin", TRUTH[0]), ("c_r", TRUTH[1])] {
+                let p = found.parameters.iter().find(|p| p.name == name).unwrap();
+                assert!((p.value - truth).abs() < 4.0 * p.std_error, "{off}: {name} {} ± {}", p.value, p.std_error);
+            }
+            let model = IdentifiedModel::parse(&found.model.unwrap().to_toml()).unwrap();
+            let motion = Motion::of(&model, Path::new("m.toml"), Some(&rig), 0.0).unwrap();
+            let q = model.parameter("q_sin").unwrap().value;
+            let (equations, parameters) = motion.equations().unwrap();
+            let mut alpha = [0.0];
+            let still = crate::model::dynamics::Instant { time: 1.0, tau: 0.0, inputs: &[] };
+            assert!(equations.acceleration(&parameters, &[0.7], &[0.0], &still, &mut alpha));
+            let wanted = -q * (0.7 + beta.value).sin();
+            assert!((alpha[0] / wanted - 1.0).abs() < 1e-12, "{alpha:?} {wanted}");
+            let again = Settings { model: Some(model), ..Settings::default() };
+            let again = explain(&records, &rig, &again).unwrap();
+            assert!(again.effects.is_empty() && again.gap.steps[0].value < 1.1, "{off}: {:?}", again.gap.steps);
+        }
+    }
+}

@@ -170,6 +170,31 @@ fn what_acts_on_drive_and_sensors_stands_there() {
     assert!((ahead[0] - turned[0]).abs() < 1e-9 && (ahead[1] - turned[1]).abs() < 1e-9, "{ahead:?} {turned:?}");
 }
 
+/// A saved model whose frame leans, or whose arm's centroid is off its line, moves as that says.
+#[test]
+fn what_a_model_turns_is_turned_by_the_whole_rotation() {
+    for (id, at, sign) in [("frame-tilt", "frame", -1.0), ("imbalance", "arm1", 1.0)] {
+        for beta in [0.03, -0.3] {
+            let model = IdentifiedModel {
+                system: System::BuiltIn("single-pendulum".to_owned()),
+                drive_frequency_hz: None,
+                nominal: vec!["viscous-friction@joint1".to_owned()],
+                parameters: vec![parameter("c_r", 0.0), parameter("q_sin", 41.9)],
+                found_with: [("record_s".to_owned(), 40.0)].into(),
+                ..double(vec![effect(id, at, beta, &[beta], &[])])
+            };
+            let motion = Motion::of(&model, Path::new("m.toml"), None, 0.0).unwrap();
+            let (equations, parameters) = motion.equations().unwrap();
+            for (q, v, tau) in STATES {
+                let (at, mut got) = (Instant { time: 7.0, tau, inputs: &[] }, [0.0]);
+                assert!(equations.acceleration(&parameters, &q[..1], &v[..1], &at, &mut got));
+                let wanted = -41.9 * (q[0] + sign * beta).sin();
+                assert!((got[0] - wanted).abs() < 1e-9, "{id} {beta}: {got:?} {wanted}");
+            }
+        }
+    }
+}
+
 #[test]
 fn the_single_pendulum_moves_as_its_own_equation_does() {
     let drive = "[drive]\ndirection = \"horizontal\"\nfrequency_hz = 2.0";
