@@ -188,6 +188,7 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::model::dynamics::{Dynamics, Instant};
     use crate::motion::Motion;
     use crate::record::{Column, Segment};
 
@@ -242,7 +243,7 @@ mod tests {
             let q = model.parameter("q_sin").unwrap().value;
             let (equations, parameters) = motion.equations().unwrap();
             let mut alpha = [0.0];
-            let still = crate::model::dynamics::Instant { time: 1.0, tau: 0.0, inputs: &[] };
+            let still = Instant { time: 1.0, tau: 0.0, inputs: &[] };
             assert!(equations.acceleration(&parameters, &[0.7], &[0.0], &still, &mut alpha));
             let wanted = -q * (0.7 + beta.value).sin();
             assert!((alpha[0] / wanted - 1.0).abs() < 1e-12, "{alpha:?} {wanted}");
