@@ -218,38 +218,55 @@ mod tests {
         Record::of("(simulated)", rig, vec![Segment::new(0.0, STEP_S, vec![Column::Counts(counts)])])
     }
 
-    /// Beside an angle by which the zero is off stands the gravity that there is, not its cosine's
-    /// share of it; and the model is one of that pendulum, read again or explained once more.
-    #[test]
-    fn gravity_beside_a_zero_that_is_off_is_its_own() {
+    fn rig() -> Rig {
         let text = format!(
             "name = \"p\"\nmodel = \"single-pendulum\"\nsample_rate_hz = 200.0\n[[channel]]\nname = \"enc\"\n\
              measures = \"theta1\"\nunit = \"count\"\ncounts_per_turn = {COUNTS}\n"
         );
-        let rig = Rig::parse(&text, Path::new("rig.toml")).unwrap();
-        for off in [0.03, -0.3] {
-            let records = [record(&rig, off)];
-            let found = explain(&records, &rig, &Settings::default()).unwrap();
-            let names: Vec<String> = found.effects.iter().map(|e| e.name()).collect();
-            assert_eq!(names, ["imbalance@arm1"], "{off}: {}", found.reason);
-            let beta = &found.effects[0];
-            assert!((beta.value + off).abs() < 4.0 * beta.std_error, "{off}: {} ± {}", beta.value, beta.std_error);
-            for (name, truth) in [("q_sin", TRUTH[0]), ("c_r", TRUTH[1])] {
-                let p = found.parameters.iter().find(|p| p.name == name).unwrap();
-                assert!((p.value - truth).abs() < 4.0 * p.std_error, "{off}: {name} {} ± {}", p.value, p.std_error);
-            }
-            let model = IdentifiedModel::parse(&found.model.unwrap().to_toml()).unwrap();
-            let motion = Motion::of(&model, Path::new("m.toml"), Some(&rig), 0.0).unwrap();
-            let q = model.parameter("q_sin").unwrap().value;
-            let (equations, parameters) = motion.equations().unwrap();
-            let mut alpha = [0.0];
-            let still = Instant { time: 1.0, tau: 0.0, inputs: &[] };
-            assert!(equations.acceleration(&parameters, &[0.7], &[0.0], &still, &mut alpha));
-            let wanted = -q * (0.7 + beta.value).sin();
-            assert!((alpha[0] / wanted - 1.0).abs() < 1e-12, "{alpha:?} {wanted}");
-            let again = Settings { model: Some(model), ..Settings::default() };
-            let again = explain(&records, &rig, &again).unwrap();
-            assert!(again.effects.is_empty() && again.gap.steps[0].value < 1.1, "{off}: {:?}", again.gap.steps);
+        Rig::parse(&text, Path::new("rig.toml")).unwrap()
+    }
+
+    /// Gravity, friction and the angle are the record's.
+    fn tells_the_truth(found: &Explanation, off: f64) {
+        let is_off = |name: &str| name.starts_with("imbalance").then_some(-off);
+        let truth = |name: &str| match name {
+            "c_r" => Some(TRUTH[1]),
+            "q_sin" => Some(TRUTH[0]),
+            name => is_off(name),
+        };
+        let told: Vec<_> = found.parameters.iter().filter_map(|p| Some((p, truth(&p.name)?))).collect();
+        assert_eq!(told.len(), 3, "{off}: {:?}", found.parameters);
+        for (p, truth) in told {
+            let misses = (p.value - truth).abs() / p.std_error;
+            assert!(misses < 4.0, "{off}: {} {} ± {}, {truth}", p.name, p.value, p.std_error);
         }
+    }
+
+    /// Beside an angle by which the zero is off stands the gravity that there is, not its cosine's
+    /// share of it; and the model is one of that pendulum, read again or explained once more.
+    #[test]
+    fn gravity_beside_a_zero_that_is_off_is_its_own() {
+        let (rig, off) = (rig(), 0.03);
+        let records = [record(&rig, off)];
+        let found = explain(&records, &rig, &Settings::default()).unwrap();
+        let names: Vec<String> = found.effects.iter().map(|e| e.name()).collect();
+        assert_eq!(names, ["imbalance@arm1"], "{}", found.reason);
+        tells_the_truth(&found, off);
+        let model = IdentifiedModel::parse(&found.model.unwrap().to_toml()).unwrap();
+        let motion = Motion::of(&model, Path::new("m.toml"), Some(&rig), 0.0).unwrap();
+        let (equations, parameters) = motion.equations().unwrap();
+        let (mut alpha, still) = ([0.0], Instant { time: 1.0, tau: 0.0, inputs: &[] });
+        assert!(equations.acceleration(&parameters, &[0.7], &[0.0], &still, &mut alpha));
+        let wanted = -model.parameter("q_sin").unwrap().value * (0.7 + model.effects[0].value).sin();
+        assert!((alpha[0] / wanted - 1.0).abs() < 1e-12, "{alpha:?} {wanted}");
+        let given = |model: &IdentifiedModel| Settings { model: Some(model.clone()), ..Settings::default() };
+        let again = explain(&records, &rig, &given(&model)).unwrap();
+        assert!(again.effects.is_empty() && again.gap.steps[0].value < 1.1, "{:?}", again.gap.steps);
+        // Ten times as far off, from a model that is not.
+        let mut near = model;
+        (near.effects[0].value, near.effects[0].strengths) = (0.25, vec![0.25]);
+        let far = explain(&[record(&rig, -0.3)], &rig, &given(&near)).unwrap();
+        assert!(far.effects.is_empty(), "{:?}", far.effects);
+        tells_the_truth(&far, -0.3);
     }
 }
