@@ -11,8 +11,8 @@
 //! * G_e, the part of F_e that the drive's phase moves at rest, is K_e(q) ÿ₀ with y₀ = a cos(τ −
 //!   ψ): a base that moves by y as well adds K_e ÿ along the drive, and K_e with all angles turned
 //!   by a quarter across it.
-//! * Gravity is the part f of F_e that rests on sines and cosines of angles alone. What is turned by β
-//!   adds sin β D f + (1 − cos β) D² f, exactly so where angles stand there once (`turned.rs`):
+//! * Gravity is the part f of F_e that rests on sines and cosines of angles alone. What is turned by
+//!   β adds sin β D f + (1 − cos β) D² f, exactly so where angles stand there once (`turned.rs`):
 //!   D is −Σ_i ∂/∂φ_i for a frame, ∂/∂φ_k for a centroid off the line of arm k, in equation k and of
 //!   f + G_k. An arm on which no joint hangs turns with all of itself: what rests on angles in every
 //!   equation, as if its encoder had another zero.
