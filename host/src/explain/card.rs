@@ -341,7 +341,8 @@ mod tests {
         let told = card(&e, &rig()).verdict;
         assert!(told.contains("a torque at joint2 that depends on") && !told.contains("0.99"), "{told}");
         assert_eq!(told.matches("joint2 takes away").count(), 1, "{told}");
-        let patch = Patch { joint: "joint2".to_owned(), effects: vec!["backlash".to_owned(), "cogging".to_owned()] };
+        let effects = vec!["backlash".to_owned(), "cogging".to_owned()];
+        let patch = Patch { place: "joint2".to_owned(), effects, is_bend: false };
         e.reason = Reason::Patched { residual: residual(), patch };
         let told = card(&e, &rig()).verdict;
         assert!(
@@ -359,7 +360,7 @@ mod tests {
         let reason = Reason::Shape { residual: residual(), shape: shape(name) };
         let told = card(&open(Criterion::Power, 1.0, reason), &rig()).verdict;
         assert!(told.contains(&format!("effects: a torque at {name} that depends on")), "{told}");
-        let patch = Patch { joint: name.to_owned(), effects: vec!["gap over 1 s, cogging".to_owned()] };
+        let patch = Patch { place: name.to_owned(), effects: vec!["gap over 1 s, cogging".to_owned()], is_bend: false };
         let told = card(&open(Criterion::Power, 1.0, Reason::Patched { residual: residual(), patch }), &rig()).verdict;
         assert!(
             told.contains(&format!("effects: it took gap over 1 s, cogging to get there: one shape of {name}'s")),

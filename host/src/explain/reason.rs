@@ -166,19 +166,29 @@ impl Display for OwnRecords {
     }
 }
 
-/// Several effects at a joint that stand for one shape of its position.
+/// Several effects at a joint that stand for one shape of its position, or at a sensor for one bend
+/// of its scale.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Patch {
-    /// Joint.
-    pub joint: String,
+    /// Joint or sensor.
+    pub place: String,
     /// Effects.
     pub effects: Vec<String>,
+    /// Whether it is a sensor's scale.
+    pub is_bend: bool,
 }
 
 impl Display for Patch {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        let (joint, effects) = (&self.joint, self.effects.join(", "));
-        write!(f, "it took {effects} to get there: one shape of {joint}'s position that has no name in the list")
+        let (place, effects) = (&self.place, self.effects.join(", "));
+        if self.is_bend {
+            return write!(
+                f,
+                "it took {effects} at {place} to get there, which nearly cancel: one bend of its scale that has no name \
+                 in the list"
+            );
+        }
+        write!(f, "it took {effects} to get there: one shape of {place}'s position that has no name in the list")
     }
 }
 

@@ -41,13 +41,21 @@ fn what_is_left_has_its_words() {
     let torque =
         "a torque at joint2 that depends on the drive phase takes away 12 % of what is left where it was not fitted";
     let none = "no effect of the list accounts for it";
-    let patch = Patch { joint: "joint1".to_owned(), effects: vec!["backlash".to_owned(), "cogging".to_owned()] };
+    let effects = || vec!["backlash".to_owned(), "cogging".to_owned()];
+    let patch = Patch { place: "joint1".to_owned(), effects: effects(), is_bend: false };
+    let bend = Patch { place: "encoder1".to_owned(), effects: effects(), is_bend: true };
     for (reason, sentence) in [
         (Reason::Unjudged, String::new()),
         (Reason::Noise(residual()), noise.to_owned()),
         (Reason::Excess { residual: residual(), shape: None }, format!("{noise}; {none}")),
         (Reason::Excess { residual: residual(), shape: Some(shape()) }, format!("{noise}; {torque}: {none}")),
         (Reason::Shape { residual: residual(), shape: shape() }, format!("{noise}, but {torque}: {none}")),
+        (
+            Reason::Patched { residual: residual(), patch: bend },
+            format!(
+                "{noise}, but it took backlash, cogging at encoder1 to get there, which nearly cancel: one bend of its scale that has no name in the list"
+            ),
+        ),
         (
             Reason::Patched { residual: residual(), patch },
             format!(

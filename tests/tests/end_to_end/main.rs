@@ -37,6 +37,7 @@ mod schema;
 mod shaft;
 mod suspects_equations;
 mod suspects_record;
+mod tracked;
 mod unnamed;
 mod unplugged;
 mod validated;

@@ -152,11 +152,6 @@ fn attempt(
     let mut result =
         Explanation::new(units::horizon(rig, settings, &setting.raw, setting.geometry.period_s)?, warnings);
     result.warnings.extend(units::unknown(rig, whole));
-    let (blocks, window_s) = whole_windows(&setting, &state);
-    if blocks < ranking::FOLDS {
-        result.reason = Reason::Undecidable(too_few(blocks, window_s, false));
-        return Ok(Attempt::Done(Some(Box::new(result))));
-    }
     if let Some(model) = &settings.model {
         given::take(&setting, &mut state, model)?;
     }
@@ -165,7 +160,13 @@ fn attempt(
         result.reason = Reason::Undecidable(Undecidable::Unfollowed);
         return Ok(Attempt::Done(Some(Box::new(result))));
     }
+    // Whole windows of the balance of forces, from which everything starts, may be fewer: those of
+    // trajectories are shorter.
     let (blocks, window_s) = whole_windows(&setting, &state);
+    if blocks < ranking::FOLDS {
+        result.reason = Reason::Undecidable(too_few(blocks, window_s, false));
+        return Ok(Attempt::Done(Some(Box::new(result))));
+    }
     let undecidable = undecidable(&setting, records, &first, blocks, window_s);
     let mut run = Run::new(setting, state, result, window_s, settings);
     if let Some(given) = given {
