@@ -9,6 +9,8 @@ use super::outputs::Outputs;
 use super::{Answer, Judgement, progress};
 use crate::error::{BadInput, Result};
 use crate::files::write_file;
+use crate::identify::best::best;
+use crate::identify::{self, model_file, shooting};
 use crate::model::identified::IdentifiedModel;
 use crate::plan::goals::{Goals, Limits, Precise, Tell};
 use crate::plan::{Settings, check_rig, plan, presentation};
@@ -21,7 +23,8 @@ pub struct Arguments {
     /// Rig file.
     #[arg(long, value_name = "RIG.toml")]
     rig: PathBuf,
-    /// Identified model, by `identify -o` or `explain -o`: what is planned for.
+    /// Identified model, by `identify -o` or `explain -o`: what is planned for [default: what
+    /// `identify` makes of `--record`].
     #[arg(long, value_name = "MODEL.toml")]
     model: Option<PathBuf>,
     /// Effects to tell from one another: one of them in the model, or of the size that it would
@@ -54,6 +57,28 @@ pub struct Arguments {
     out: Output,
 }
 
+/// The model that is planned for.
+fn model(arguments: &Arguments, rig: &Rig, record: Option<&Record>) -> Result<IdentifiedModel> {
+    match (&arguments.model, record) {
+        (Some(path), _) => IdentifiedModel::read(path),
+        (None, Some(record)) => {
+            let bar = progress::bar("identifying the record", 0);
+            let (weak, choices) = (identify::Settings::default(), shooting::Settings::default());
+            let found = best(std::slice::from_ref(record), rig, &weak, &choices, &bar);
+            bar.finish_and_clear();
+            model_file::identified_model(&found?, rig)
+        }
+        (None, None) => {
+            Err(BadInput::new("no model and no record", "an identified model of this rig, or a record of it")
+                .at("--model")
+                .remedy(format!(
+                    "Name a record (--record REC), or identify one first: whirl identify REC --rig {} -o MODEL.toml",
+                    arguments.rig.display()
+                )))
+        }
+    }
+}
+
 /// Plans.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
     let rig = Rig::read(&arguments.rig)?;
@@ -61,15 +86,9 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let files = Outputs::of(&arguments.out, Some(arguments.replace)).reads_rig(&rig).reads(inputs);
     files.result("-o", arguments.output.as_ref()).check()?;
     check_rig(&rig)?;
-    let Some(path) = &arguments.model else {
-        return Err(BadInput::new("no model", "an identified model of this rig").at("--model").remedy(format!(
-            "Identify a record first: whirl identify REC --rig {} -o MODEL.toml",
-            arguments.rig.display()
-        )));
-    };
-    let model = IdentifiedModel::read(path)?;
     let limits = arguments.limits.as_ref().map(|p| Limits::read(p)).transpose()?.unwrap_or_default();
     let record = arguments.record.as_ref().map(|p| Record::read(p, &rig, &ReadOptions::default())).transpose()?;
+    let model = model(arguments, &rig, record.as_ref())?;
     let settings = Settings {
         goals: Goals {
             tell: arguments.tell.iter().map(|t| t.name.clone()).collect(),
