@@ -9,6 +9,7 @@ use crate::report::figures::scatter::scatter;
 use crate::report::html::{Align, Html};
 use crate::report::{Results, SectionKind};
 use crate::validate::horizon::Horizon;
+use crate::validate::result::Labelled;
 use crate::validate::{Bifurcation, Orbits, Pair, Validation, Verdict};
 use crate::wording::format::{Z95, fixed, percent, plus_minus, significant};
 use crate::wording::symbols::symbol_svg;
@@ -115,11 +116,9 @@ fn sections(body: &mut Html, v: &Validation) {
     for (c, name) in s.names.iter().enumerate() {
         let symbol = symbol_svg(name);
         for (title, of, colour) in [("record", &s.measured, 0), ("model's own", &s.simulated, 1)] {
-            let mut panel = Panel::new(
-                title,
-                Axis::angle(format!("{symbol} / rad")),
-                Axis::linear(format!("d{symbol}/dt / (rad/s)")).range(-reach(s, c), reach(s, c)),
-            );
+            let (x, unit) = (axis(&s.of[c]), &s.of[c].unit);
+            let y = Axis::linear(format!("d{symbol}/dt / ({unit}/s)")).range(-reach(s, c), reach(s, c));
+            let mut panel = Panel::new(title, x, y);
             let list = |x: &[Vec<f32>]| x.get(c).map_or(Vec::new(), |x| x.iter().map(|v| f64::from(*v)).collect());
             panel.series.push(Series::new("", Shape::Dots, list(&of.value), list(&of.velocity)).colour(colour));
             panels.push(panel);
@@ -150,6 +149,12 @@ fn sections(body: &mut Html, v: &Validation) {
                 .collect();
         body.table(&heads, &rows);
     }
+}
+
+/// The axis of a coordinate in its own unit; of angles that turn, wrapped.
+fn axis(c: &Labelled) -> Axis {
+    let label = format!("{} / {}", symbol_svg(&c.name), c.unit);
+    if c.turns { Axis::angle(label) } else { Axis::linear(label) }
 }
 
 /// The largest velocity of a coordinate in both sections: both panels get one scale.
@@ -232,7 +237,7 @@ fn orbits(body: &mut Html, o: &Orbits) {
             head("in the record at / s", Align::Right),
             head("closing error", Align::Right),
             head("turns", Align::Right),
-            head("moved / rad", Align::Right),
+            head(&if o.unit == "1" { "moved".to_owned() } else { format!("moved / {}", o.unit) }, Align::Right),
             head("largest multiplier", Align::Right),
         ];
         body.table(&heads, &rows);
@@ -240,13 +245,10 @@ fn orbits(body: &mut Html, o: &Orbits) {
 }
 
 fn bifurcation(body: &mut Html, b: &Bifurcation) {
-    let panels: Vec<Panel> = (0..2)
+    let panels: Vec<Panel> = (0..b.of.len())
         .map(|k| {
-            let mut panel = Panel::new(
-                "",
-                Axis::linear(format!("factor on {}", if b.parameter == "drive" { "the drive" } else { &b.parameter })),
-                Axis::angle(format!("{} / rad", symbol_svg(["phi1", "phi2"][k]))),
-            );
+            let factor = format!("factor on {}", if b.parameter == "drive" { "the drive" } else { &b.parameter });
+            let mut panel = Panel::new("", Axis::linear(factor), axis(&b.of[k]));
             let points = b.factor.iter().zip(&b.columns).flat_map(|(f, c)| c.iter().map(move |p| (*f, p[k])));
             let (x, y) = points.unzip();
             panel.series.push(Series::new("", Shape::Dots, x, y).colour(k));
