@@ -11,8 +11,12 @@ use crate::wording::symbols::symbol_plain;
 
 /// The answer for people: its card first, then what it rests on.
 pub fn human(e: &Explanation, card: &Card) -> String {
-    let mut out = card.text();
-    out.push_str("\nWhat it rests on\n");
+    let rests_on = rests_on(e);
+    if rests_on.is_empty() { card.text() } else { format!("{}\nWhat it rests on\n{rests_on}", card.text()) }
+}
+
+fn rests_on(e: &Explanation) -> String {
+    let mut out = String::new();
     for f in &e.effects {
         let parameters: Vec<String> =
             f.parameters.iter().map(|(k, v)| format!(", {} = {}", symbol_plain(k), significant(*v, 3))).collect();

@@ -32,7 +32,7 @@ pub fn error(result: &Identification) -> String {
         if expected.is_empty() {
             String::new()
         } else {
-            format!(", of which this record's sensors explain {}", list(expected))
+            format!("; what this record's sensors leave is {}", list(expected))
         },
         100.0 * ERROR_BOUND
     )
