@@ -51,18 +51,18 @@ fn rests_on(e: &Explanation) -> String {
     for f in e.gap.forecasts.iter().filter(|f| !f.steps.is_empty()) {
         let _ = writeln!(
             out,
-            "another trial: error of predictions over {} s on the last 30 % of the record, by models fitted to the first 70 % alone, in {}:",
+            "another trial: error of predictions over {} s on the last 30 % of the record, by models fitted to the first 70 % alone{}:",
             shortest(rounded(f.horizon_s, 3)),
-            if f.unit == "deg" { "degrees" } else { &f.unit }
+            in_unit(&f.unit)
         );
         lines(&mut out, &f.steps);
     }
     for f in &e.simulation {
         let _ = writeln!(
             out,
-            "error of one simulation to the record's end, its first {} % fitted, in {}:",
+            "error of one simulation to the record's end, its first {} % fitted{}:",
             significant(100.0 * f.fitted, 2),
-            f.unit
+            in_unit(&f.unit)
         );
         lines(&mut out, &f.steps);
     }
@@ -96,6 +96,15 @@ fn rests_on(e: &Explanation) -> String {
     out
 }
 
+/// `, in m`; nothing where the rig file says no unit.
+fn in_unit(unit: &str) -> String {
+    match unit {
+        "" | "1" => String::new(),
+        "deg" => ", in degrees".to_owned(),
+        unit => format!(", in {unit}"),
+    }
+}
+
 /// Steps, a line each.
 fn lines(out: &mut String, steps: &[Step]) {
     for s in steps {
@@ -108,13 +117,11 @@ fn departures(out: &mut String, places: &[Where], most: usize) {
     for w in places.iter().take(most) {
         let _ = writeln!(
             out,
-            "  equation {} is off by {} at {} {} … {} (noise alone: within ± {})",
+            "  equation {} is off by {} at {} (noise alone: within ± {})",
             w.equation,
-            significant(w.value, 2),
-            w.against,
-            significant(w.from, 3),
-            significant(w.to, 3),
-            significant(w.band, 2)
+            w.residual(w.value),
+            w.stretch(),
+            w.residual(w.band)
         );
     }
 }

@@ -262,3 +262,28 @@ fn bifurcation(body: &mut Html, b: &Bifurcation) {
         &panels,
     ));
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_diagram_has_a_panel_for_each_coordinate_in_its_own_unit() {
+        let of = |name: &str, unit: &str| Labelled {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            is_angle: unit == "rad",
+            turns: unit == "rad",
+        };
+        let drawn = |of: Vec<Labelled>, point: Vec<f64>| {
+            let mut body = Html::new();
+            let (parameter, factor, columns) = ("k".to_owned(), vec![0.9, 1.1], vec![vec![point]; 2]);
+            bifurcation(&mut body, &Bifurcation { parameter, factor, columns, of });
+            body.0
+        };
+        let length = drawn(vec![of("x", "m")], vec![0.01, 0.2]);
+        assert!(length.contains("/ m<") && !length.contains("rad"), "{length}");
+        let both = drawn(vec![of("x", "m"), of("phi", "rad")], vec![0.01, 0.5, 0.2, 0.1]);
+        assert!(both.contains("/ m<") && both.contains("/ rad<"), "{both}");
+    }
+}
