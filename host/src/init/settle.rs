@@ -1,8 +1,8 @@
 //! What the equations of motion decide: of all readings of a record, the one that they fit.
 //!
-//! Counts a turn, radians or degrees, whether angles are relative or absolute, which column is which arm and of which
-//! frequency a drive is all leave the equations a residual where they are wrong
-//! ([`crate::identify::suspects`]). Where two readings fit alike, nothing is decided and the
+//! Counts a turn, radians or degrees, whether angles are relative or absolute, which column is
+//! which arm and of which frequency a drive is all leave the equations a residual where they are
+//! wrong ([`crate::identify::suspects`]). Where two readings fit alike, nothing is decided and the
 //! statement is one to check.
 
 use super::columns::{Seen, UNITS};

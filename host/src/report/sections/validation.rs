@@ -97,12 +97,20 @@ fn horizons(body: &mut Html, v: &Validation) {
         cells.push(Html::text(&of.unended.to_string()));
         cells
     };
-    let heads: Vec<(Html, Align)> =
-        ["", "10 % / s", "25 %", "median", "75 %", "90 %", "median in Lyapunov times", "to the end"]
-            .iter()
-            .enumerate()
-            .map(|(i, t)| head(t, if i == 0 { Align::Left } else { Align::Right }))
-            .collect();
+    let heads: Vec<(Html, Align)> = [
+        "",
+        "10 % by / s",
+        "25 % by / s",
+        "median / s",
+        "75 % by / s",
+        "90 % by / s",
+        "median in Lyapunov times",
+        "to the record's end",
+    ]
+    .iter()
+    .enumerate()
+    .map(|(i, t)| head(t, if i == 0 { Align::Left } else { Align::Right }))
+    .collect();
     let times = h.median_lyapunov_times;
     body.table(
         &heads,
@@ -219,7 +227,7 @@ fn orbits(body: &mut Html, o: &Orbits) {
                 || ("none near".to_owned(), "–".to_owned(), "–".to_owned()),
                 |f| {
                     let turns: Vec<String> =
-                        f.turns.iter().map(|t| t.map_or_else(|| "–".to_owned(), |t| t.to_string())).collect();
+                        f.turns.iter().map(|t| t.map_or_else(|| "–".to_owned(), |t| fixed(t as f64, 0))).collect();
                     let largest = f.multipliers.first().map_or(0.0, |m| m[0].hypot(m[1]));
                     (turns.join(", "), significant(f.moved, 2), significant(largest, 3))
                 },
