@@ -22,7 +22,7 @@ use crate::report::Results;
 use crate::report::card::Card;
 use crate::rig::Rig;
 use crate::warning::Warning;
-use crate::wording::format::{Z95, plus_minus, significant};
+use crate::wording::format::{Z95, count, plus_minus, significant};
 
 /// Methods.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -43,7 +43,8 @@ pub struct WeakForm {
     /// Length of a window, s [default: 20 drive periods, or 10 of the motion when free].
     #[arg(long, value_name = "S")]
     window_s: Option<f64>,
-    /// Highest frequency of the test functions, Hz [default: 2 f_e, or from the motion when free].
+    /// Highest frequency of the test functions, Hz [default: twice the drive's, or from
+    /// the motion when free].
     #[arg(long, value_name = "HZ")]
     max_frequency_hz: Option<f64>,
     /// End of the low-pass's pass band, Hz [default: 1.15 times where the signal sinks into the noise].
@@ -101,10 +102,10 @@ pub fn human(result: &Identification, card: &Card) -> String {
         text,
         "\nWhat it rests on\n{} of {} samples in {} unbroken stretch{}{}",
         crate::identify::presentation::method_name(&result.method),
-        r.samples,
+        count(r.samples as u64),
         r.segments,
         if r.segments == 1 { "" } else { "es" },
-        if r.lost > 0 { format!(", {} lost", r.lost) } else { String::new() }
+        if r.lost > 0 { format!(", {} lost", count(r.lost)) } else { String::new() }
     );
     let _ = writeln!(text, "{}", presentation::error(result));
     if let Some(s) = &result.shooting {

@@ -59,8 +59,8 @@ pub struct BalanceArguments {
     /// Cut-off of the low-pass before products are formed, share of the sampling rate, or none.
     #[arg(long, value_name = "SHARE|none", default_value = "0.2")]
     low_pass: String,
-    /// Sub-harmonics: up-to:F (times f_e), largest:N (a drive period, in the acceleration's
-    /// spectrum), harmonics:N (of f_e alone).
+    /// Sub-harmonics: up-to:F (times the drive's frequency), largest:N (a drive period, in the
+    /// acceleration's spectrum), harmonics:N (of the drive's frequency alone).
     #[arg(long, value_name = "SET", default_value = "up-to:1")]
     subharmonics: String,
     /// Leaves the mean (j = 0) out.
@@ -69,10 +69,10 @@ pub struct BalanceArguments {
     /// Keeps all sub-harmonics: no optimisation by residuals.
     #[arg(long)]
     no_optimisation: bool,
-    /// β: residuals above (1 − β) e_max are dropped.
+    /// In each round, rows whose residual is above 1 − B times the largest are dropped.
     #[arg(long, value_name = "B", default_value_t = 0.05)]
     beta: f64,
-    /// ε at which the optimisation stops.
+    /// Residual over the largest term, rms, at which the optimisation stops.
     #[arg(long, value_name = "E", default_value_t = crate::identify::ERROR_BOUND)]
     error_bound: f64,
     /// Most rounds of the optimisation.

@@ -77,12 +77,13 @@ pub fn human(r: &Reduction) -> String {
     let shares: Vec<String> = r.energy.iter().take(6).map(|e| percent(*e, 4)).collect();
     let _ = writeln!(
         text,
-        "energy {}{}; {} mode{} kept of {} coordinates (rank {}){}",
+        "energy {}{}; {} mode{} kept of {} coordinate{} (rank {}){}",
         shares.join(", "),
         if r.energy.len() > 6 { ", …" } else { "" },
         r.kept,
         if r.kept == 1 { "" } else { "s" },
         r.coordinates.len(),
+        if r.coordinates.len() == 1 { "" } else { "s" },
         r.rank,
         if r.modes_imaginary.is_some() { ", on the circle z = exp(iφ)" } else { "" }
     );

@@ -93,7 +93,7 @@ fn plant(arguments: &Arguments, rig: &Rig, seconds: f64) -> Result<Answer> {
     arguments.out.write_json(&summary)?;
     arguments.out.say(&format!(
         "{} samples ({} s) in {}\n",
-        summary.samples,
+        crate::wording::format::count(summary.samples),
         summary.seconds,
         arguments.output.display()
     ));
@@ -119,6 +119,10 @@ fn model_file(
     let summary =
         crate::simulate::Summary { samples, seconds, seed: arguments.seed, effects: arguments.effects.clone() };
     arguments.out.write_json(&summary)?;
-    arguments.out.say(&format!("{samples} samples ({seconds} s) in {}\n", arguments.output.display()));
+    arguments.out.say(&format!(
+        "{} samples ({seconds} s) in {}\n",
+        crate::wording::format::count(samples),
+        arguments.output.display()
+    ));
     Ok(Answer::Positive)
 }

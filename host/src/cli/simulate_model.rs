@@ -20,7 +20,7 @@ use crate::record::names::TimeChoice;
 use crate::record::values::write_values_from;
 use crate::record::{ReadOptions, Record, metadata, names};
 use crate::rig::{LONGEST_S, MOST_SAMPLES, Rig};
-use crate::wording::format::shortest;
+use crate::wording::format::{count, shortest};
 
 /// Length where neither a record nor `--seconds` says one, s.
 const SECONDS: f64 = 10.0;
@@ -186,10 +186,10 @@ fn said(s: &Summary, motion: &Motion, output: &Path) -> String {
     };
     let columns: Vec<String> = s.channels.iter().map(told).collect();
     let mut out = format!(
-        "{} samples ({:.6} s from t = {:.6} s, {} Hz) of {} in {}\ncolumns: t (s), {}\n",
-        s.samples,
-        s.seconds,
-        s.start_s,
+        "{} samples ({} s from t = {} s, {} Hz) of {} in {}\ncolumns: t (s), {}\n",
+        count(s.samples),
+        shortest(s.seconds),
+        shortest(s.start_s),
         shortest(s.sample_rate_hz),
         s.model,
         output.display(),

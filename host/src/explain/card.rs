@@ -224,13 +224,11 @@ fn undecided(e: &Explanation) -> Vec<String> {
     if e.verdict == Verdict::Unexplained {
         for w in e.r#where.iter().take(MOST_PLACES) {
             out.push(format!(
-                "What is left sits in equation {} at {} {} … {}: {}, where noise would be within ± {}.",
+                "What is left sits in equation {} at {}: {}, where noise would be within ± {}.",
                 w.equation,
-                w.against,
-                significant(w.from, 3),
-                significant(w.to, 3),
-                significant(w.value, 2),
-                significant(w.band, 2)
+                w.stretch(),
+                w.residual(w.value),
+                w.residual(w.band)
             ));
         }
         for r in e.refused.iter().take(MOST_REFUSED) {

@@ -11,8 +11,12 @@ use crate::wording::symbols::symbol_plain;
 
 /// The answer for people: its card first, then what it rests on.
 pub fn human(e: &Explanation, card: &Card) -> String {
-    let mut out = card.text();
-    out.push_str("\nWhat it rests on\n");
+    let rests_on = rests_on(e);
+    if rests_on.is_empty() { card.text() } else { format!("{}\nWhat it rests on\n{rests_on}", card.text()) }
+}
+
+fn rests_on(e: &Explanation) -> String {
+    let mut out = String::new();
     for f in &e.effects {
         let parameters: Vec<String> =
             f.parameters.iter().map(|(k, v)| format!(", {} = {}", symbol_plain(k), significant(*v, 3))).collect();
@@ -47,18 +51,18 @@ pub fn human(e: &Explanation, card: &Card) -> String {
     for f in e.gap.forecasts.iter().filter(|f| !f.steps.is_empty()) {
         let _ = writeln!(
             out,
-            "another trial: error of predictions over {} s on the last 30 % of the record, by models fitted to the first 70 % alone, in {}:",
+            "another trial: error of predictions over {} s on the last 30 % of the record, by models fitted to the first 70 % alone{}:",
             shortest(rounded(f.horizon_s, 3)),
-            if f.unit == "deg" { "degrees" } else { &f.unit }
+            in_unit(&f.unit)
         );
         lines(&mut out, &f.steps);
     }
     for f in &e.simulation {
         let _ = writeln!(
             out,
-            "error of one simulation to the record's end, its first {} % fitted, in {}:",
+            "error of one simulation to the record's end, its first {} % fitted{}:",
             significant(100.0 * f.fitted, 2),
-            f.unit
+            in_unit(&f.unit)
         );
         lines(&mut out, &f.steps);
     }
@@ -92,6 +96,15 @@ pub fn human(e: &Explanation, card: &Card) -> String {
     out
 }
 
+/// `, in m`; nothing where the rig file says no unit.
+fn in_unit(unit: &str) -> String {
+    match unit {
+        "" | "1" => String::new(),
+        "deg" => ", in degrees".to_owned(),
+        unit => format!(", in {unit}"),
+    }
+}
+
 /// Steps, a line each.
 fn lines(out: &mut String, steps: &[Step]) {
     for s in steps {
@@ -104,13 +117,11 @@ fn departures(out: &mut String, places: &[Where], most: usize) {
     for w in places.iter().take(most) {
         let _ = writeln!(
             out,
-            "  equation {} is off by {} at {} {} … {} (noise alone: within ± {})",
+            "  equation {} is off by {} at {} (noise alone: within ± {})",
             w.equation,
-            significant(w.value, 2),
-            w.against,
-            significant(w.from, 3),
-            significant(w.to, 3),
-            significant(w.band, 2)
+            w.residual(w.value),
+            w.stretch(),
+            w.residual(w.band)
         );
     }
 }

@@ -1,23 +1,25 @@
 //! LaTeX: the equations as a page sets them, a table of the parameters with their standard errors,
 //! the effects.
 
+use core::f64::consts::TAU;
+
 use super::expression::{Level, Printer};
-use super::program::Program;
+use super::for_people::rounded;
+use super::program::{Constant, Program};
 use super::remarks::harmless;
+use super::written_out::digits;
 use super::{Language, Notation, Printed};
 use crate::model::model_file::expression::{Function, Symbol};
 use crate::motion::Acts;
+use crate::wording::format::{shortest, significant};
 
 /// See [`super::LANGUAGES`].
 pub struct Latex;
 
 impl Notation for Latex {
+    /// A number of an expression, which has no standard error: to five digits, as reports do.
     fn number(&self, x: f64) -> String {
-        let text = format!("{x:?}");
-        match text.split_once('e') {
-            Some((digits, power)) => format!("{digits}\\cdot 10^{{{power}}}"),
-            None => text.strip_suffix(".0").map_or(text.clone(), str::to_owned),
-        }
+        typeset(&rounded(x))
     }
 
     fn product(&self, a: &str, b: &str) -> String {
@@ -100,8 +102,41 @@ impl Language for Latex {
             ("equations", equations(p)),
             ("parameters", parameters(p)),
             ("effects", effects(p)),
+            ("digits", p.remark(DIGITS)),
+            ("hertz", p.omega.as_ref().map_or_else(String::new, |(_, w)| typeset(&shortest(w / TAU)))),
             ("omega", p.omega.as_ref().map_or_else(String::new, |(_, w)| self.number(*w))),
         ]
+    }
+}
+
+/// Where a reader finds what is not on the page.
+const DIGITS: &str = "Numbers have the digits that their standard errors support; all digits are in the model file.";
+
+/// A number as [`crate::wording::format`] writes it.
+fn typeset(text: &str) -> String {
+    let text = text.replace('−', "-");
+    let Some((digits, power)) = text.split_once("·10") else { return text };
+    let power: String = power.chars().map(|c| "⁰¹²³⁴⁵⁶⁷⁸⁹".chars().position(|s| s == c).map_or('-', digit)).collect();
+    let factor = if digits == "1" { String::new() } else { format!("{digits}\\cdot ") };
+    format!("{factor}10^{{{power}}}")
+}
+
+fn digit(n: usize) -> char {
+    char::from_digit(n as u32, 10).unwrap_or('0')
+}
+
+/// A value to the digits that its standard error supports, with its sign.
+fn value(x: f64, std_error: f64) -> String {
+    format!("{}{}", if x < 0.0 { "-" } else { "" }, typeset(&digits(x, std_error, 1.0)))
+}
+
+/// A standard error as a cell of a table, or what stands for it.
+fn error(x: f64) -> String {
+    match x {
+        x if x.is_nan() => "not known".to_owned(),
+        x if x.is_infinite() => "not determined".to_owned(),
+        0.0 => "taken as known".to_owned(),
+        x => format!("\\({}\\)", typeset(&significant(x, 2))),
     }
 }
 
@@ -208,22 +243,16 @@ fn equations(p: &Program<'_>) -> String {
 }
 
 fn parameters(p: &Program<'_>) -> String {
-    let mut rows = Vec::new();
-    for c in &p.constants {
-        let minus = if c.value < 0.0 { "-" } else { "" };
-        let error = match c.std_error {
-            x if x.is_finite() => format!("\\({}\\)", Latex.number(format!("{x:.1e}").parse().unwrap_or(x))),
-            _ => "--".to_owned(),
-        };
-        let unit = if c.unit == "1" { "" } else { &c.unit };
-        rows.push(format!(
-            "  \\({}\\) & \\({minus}{}\\) & {error} & {} \\\\",
+    let row = |c: &Constant| {
+        format!(
+            "  \\({}\\) & \\({}\\) & {} & {} \\\\",
             name(&c.own),
-            Latex.number(c.value.abs()),
-            text(unit)
-        ));
-    }
-    rows.join("\n")
+            value(c.value, c.std_error),
+            error(c.std_error),
+            text(if c.unit == "1" { "" } else { &c.unit })
+        )
+    };
+    p.constants.iter().map(row).collect::<Vec<_>>().join("\n")
 }
 
 fn effects(p: &Program<'_>) -> String {
@@ -233,21 +262,14 @@ fn effects(p: &Program<'_>) -> String {
             Acts::Input(..) => ", on the record of the input only",
             Acts::Motion(_) | Acts::Drive(_) => "",
         };
+        let found = &e.identified;
         format!(
-            "  \\item {}: {}; \\({}{}\\) {}, standard error {}{beside}",
+            "  \\item {}: {}; \\({}\\) {}, standard error {}{beside}",
             text(&e.name()),
             text(&e.equation),
-            if e.identified.value < 0.0 { "-" } else { "" },
-            Latex.number(e.identified.value.abs()),
-            text(&e.identified.unit),
-            if e.identified.std_error.is_finite() {
-                format!(
-                    "\\({}\\)",
-                    Latex.number(format!("{:.1e}", e.identified.std_error).parse().unwrap_or(e.identified.std_error))
-                )
-            } else {
-                "not known".to_owned()
-            },
+            value(found.value, found.std_error),
+            text(&found.unit),
+            error(found.std_error),
         )
     };
     let items: Vec<String> = p.motion.effects.iter().map(item).collect();
@@ -255,4 +277,19 @@ fn effects(p: &Program<'_>) -> String {
         return String::new();
     }
     format!("\n\\paragraph{{Effects}}\n\\begin{{itemize}}\n{}\n\\end{{itemize}}", items.join("\n"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_have_the_digits_that_their_errors_support() {
+        assert_eq!(value(0.113_160_470_123_456_7, 2.1e-5), "0.11316");
+        assert_eq!(value(-2.048_312_345e-7, 5.1e-10), "-2.048\\cdot 10^{-7}");
+        assert_eq!(value(1.5, f64::NAN), "1.5");
+        assert_eq!((error(2.134e-5).as_str(), error(0.0).as_str()), ("\\(2.1\\cdot 10^{-5}\\)", "taken as known"));
+        assert_eq!(Latex.number(6.818_211_905_903_273e-5), "6.8182\\cdot 10^{-5}");
+        assert_eq!((Latex.number(7.0).as_str(), typeset("1·10⁻¹²").as_str()), ("7", "10^{-12}"));
+    }
 }

@@ -4,6 +4,7 @@
 use super::expression::{Printer, uses};
 use super::names::Names;
 use super::remarks::{error_text, unit_text};
+use super::written_out::strength_error;
 use super::{Language, Printed};
 use crate::error::{BadInput, Result};
 use crate::identify::units::channel_units;
@@ -12,6 +13,9 @@ use crate::model::model_file::expression::{Function, Node, Symbol, multiply, num
 use crate::model::model_file::split::{Entry, Split};
 use crate::motion::effects::bad;
 use crate::motion::{Acts, Motion};
+
+/// Unit of a strength that is not the effect's value, but what the equations hold of it.
+const AS_IT_ENTERS: &str = "as in its equation";
 
 /// A coordinate.
 pub struct Coordinate {
@@ -287,6 +291,11 @@ impl<'a> Program<'a> {
     }
 }
 
+/// Whether two numbers are one but for sign and rounding.
+fn same(a: f64, b: f64) -> bool {
+    (a.abs() - b.abs()).abs() <= 1e-9 * b.abs()
+}
+
 /// Coefficients, then strengths.
 fn constants(motion: &Motion, names: &mut Names) -> Result<Vec<Constant>> {
     let mut out = Vec::new();
@@ -314,8 +323,13 @@ fn constants(motion: &Motion, names: &mut Names) -> Result<Vec<Constant>> {
             value: strength.value,
             about: format!("strength of {}, as it enters the equations", effect.name()),
             own,
-            std_error: f64::NAN,
-            unit: String::new(),
+            std_error: strength_error(motion, effect),
+            // What enters as the effect's value does has its unit; else it is divided by others.
+            unit: if same(strength.value, effect.identified.value) {
+                effect.identified.unit.clone()
+            } else {
+                AS_IT_ENTERS.to_owned()
+            },
         });
     }
     match out.iter().find(|c| !c.value.is_finite()) {

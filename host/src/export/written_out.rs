@@ -145,11 +145,20 @@ impl Writer<'_> {
     }
 }
 
-/// Digits of a coefficient times the number that its expression begins with.
-fn digits(value: f64, std_error: f64, factor: f64) -> String {
+/// The size of a coefficient times the number that its expression begins with, to the digits that
+/// its standard error warrants.
+pub(super) fn digits(value: f64, std_error: f64, factor: f64) -> String {
     let known = std_error.is_finite() && std_error > 0.0;
     let x = (value * factor).abs();
     if known && value != 0.0 { to_digits_of(x, (Z95 * std_error * factor).abs()) } else { rounded(x) }
+}
+
+/// Standard error of an effect's strengths, as they enter the equations.
+pub(super) fn strength_error(motion: &Motion, effect: &Effect) -> f64 {
+    let relative = (effect.identified.std_error / effect.identified.value).abs();
+    // What is known of a whole (a tone's amplitude) is known of its parts (cosine and sine).
+    let parts = motion.strengths().filter(|(e, _)| e.name() == effect.name());
+    relative * parts.map(|(_, part)| part.value.abs()).fold(0.0, f64::max)
 }
 
 /// Writes a model out; none where its equations are not as many as its coordinates.
@@ -163,11 +172,7 @@ pub fn written_out(motion: &Motion) -> Option<WrittenOut> {
     let mut constants: Vec<(f64, f64, Option<&str>)> =
         motion.coefficients.iter().map(|c| (c.value, c.std_error, Some(c.name.as_str()))).collect();
     for (effect, strength) in motion.strengths().filter(|s| !s.1.adds.is_empty()) {
-        let relative = (effect.identified.std_error / effect.identified.value).abs();
-        // What is known of a whole (a tone's amplitude) is known of its parts (cosine and sine).
-        let parts = motion.strengths().filter(|(e, _)| e.name() == effect.name());
-        let largest = parts.map(|(_, part)| part.value.abs()).fold(0.0, f64::max);
-        constants.push((strength.value, relative * largest, None));
+        constants.push((strength.value, strength_error(motion, effect), None));
     }
     let mut out = WrittenOut {
         equations: vec![WrittenEquation::default(); motion.file.equations.len()],

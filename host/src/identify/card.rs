@@ -28,12 +28,11 @@ pub fn card(result: &Identification, rig: &Rig) -> Card {
 
 /// What was identified, how well, and whether it stands.
 fn sentence(result: &Identification) -> String {
-    let mut known: Vec<f64> = result
-        .parameters
-        .iter()
-        .map(|p| (Z95 * p.std_error / p.value).abs())
-        .filter(|r| r.is_finite() && *r > 0.0)
-        .collect();
+    let (names, values): (Vec<String>, Vec<f64>) = result.parameters.iter().map(|p| (p.name.clone(), p.value)).unzip();
+    // Of a part that is zero (the drive's off phase, gravity across an arm) the whole tells how
+    // well it is known.
+    let relative = |i: usize| Z95 * result.parameters[i].std_error / size(&names, &values, i);
+    let mut known: Vec<f64> = (0..names.len()).map(relative).filter(|r| r.is_finite() && *r > 0.0).collect();
     known.sort_by(f64::total_cmp);
     let precision = known.get(known.len() / 2).map_or_else(String::new, |median| {
         let percent = significant(100.0 * median, 2);
@@ -126,6 +125,23 @@ mod tests {
                 .to_vec(),
             ..Identification::default()
         }
+    }
+
+    #[test]
+    fn parts_that_are_zero_do_not_tell_how_well_the_whole_is_known() {
+        let p = |name: &str, value, std_error| Parameter { name: name.into(), value, std_error, unit: "1".into() };
+        let parameters = vec![
+            p("c_r", 0.036, 4e-6),
+            p("p_cos", -1.52, 2e-5),
+            p("p_sin", 1e-5, 2e-5),
+            p("n_cos", 1e-6, 2e-5),
+            p("n_sin", -2e-6, 2e-5),
+            p("q_cos", 2e-6, 2e-5),
+            p("q_sin", 1.44, 2e-5),
+        ];
+        let single = Identification { parameters, ..identified() };
+        let said = card(&single, &rig()).verdict;
+        assert!(said.contains("half of its parameters to ± 0.0026 % or better"), "{said}");
     }
 
     #[test]

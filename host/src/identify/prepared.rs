@@ -164,9 +164,9 @@ impl Steady {
                 ),
             )
             .remedy(if self.stretches.len() > records.len() {
-                "Gaps cut the record: --resample bridges short ones. Otherwise record longer, or choose a shorter window with --window-s"
+                "Gaps cut the record: --resample bridges short ones. Otherwise record longer, or give `identify` or `explain` a shorter window with --window-s"
             } else {
-                "Record longer, or choose a shorter window with --window-s"
+                "Record longer, or give `identify` or `explain` a shorter window with --window-s"
             });
             if let Some(r) = records.first() {
                 error = error.in_file(&r.path);

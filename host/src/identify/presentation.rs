@@ -4,7 +4,7 @@ use super::{ERROR_BOUND, Identification};
 use crate::report::figures::residuals::EquationResiduals;
 use crate::report::sections::parameters::{Parameter, ParameterTable};
 use crate::report::sections::residuals::ResidualSet;
-use crate::wording::format::significant;
+use crate::wording::format::{percent, significant};
 
 /// χ² over its degrees of freedom above which coefficients contradict each other: by chance below
 /// 10⁻⁴ for four degrees of freedom.
@@ -24,7 +24,7 @@ pub fn method_name(method: &str) -> &str {
 
 /// The identification error, and what the sensors' noise explains of it.
 pub fn error(result: &Identification) -> String {
-    let list = |of: &[f64]| of.iter().map(|e| format!("{:.2} %", 100.0 * e)).collect::<Vec<_>>().join(", ");
+    let list = |of: &[f64]| of.iter().map(|e| percent(*e, 2)).collect::<Vec<_>>().join(", ");
     let expected = &result.details.expected_error;
     format!(
         "the equations balance to {} of their largest term{} (up to {:.0} % is taken)",
@@ -32,7 +32,7 @@ pub fn error(result: &Identification) -> String {
         if expected.is_empty() {
             String::new()
         } else {
-            format!(", of which this record's sensors explain {}", list(expected))
+            format!("; what this record's sensors leave is {}", list(expected))
         },
         100.0 * ERROR_BOUND
     )

@@ -14,6 +14,8 @@ const ANGLES: [&str; 19] = [
     "theta", "phi", "angle", "winkel", "enc", "count", "rot", "alpha", "beta", "gamma", "psi", "pend", "arm", "joint",
     "gelenk", "zähl", "θ", "φ", "ϕ",
 ];
+/// Units that an angle may be in, where neither its name nor its values say which.
+pub(super) const UNITS: [&str; 2] = ["rad", "deg"];
 /// Range of whole numbers up to which they may be states or marks rather than counts.
 const MARKS: f64 = 20.0;
 
@@ -65,6 +67,8 @@ pub struct Seen {
     pub unit: &'static str,
     /// Value in that unit over the column's.
     pub factor: f64,
+    /// Whether the unit is one of two that an angle may be in, and nothing shows which.
+    pub is_unit_open: bool,
     /// Counts a turn, where the values show them.
     pub counts: Option<u32>,
     /// Why.
@@ -89,13 +93,35 @@ pub(super) fn extent(parts: &[&[f64]]) -> Extent {
 /// Looks at every column.
 pub(super) fn look(raw: &Raw) -> Vec<Seen> {
     let columns = raw.record.channels.iter().enumerate();
-    columns.map(|(i, c)| one(&c.name, i, &raw.values(i))).collect()
+    let mut all: Vec<Seen> = columns.map(|(i, c)| one(&c.name, i, &raw.values(i))).collect();
+    as_beside(&mut all);
+    all
+}
+
+/// Takes angles of no known unit for what the others of the record are in: how far a value goes
+/// says little of an arm that whirls.
+fn as_beside(all: &mut [Seen]) {
+    let known = |s: &&Seen| s.kind == Kind::Angle && !s.is_unit_open && UNITS.contains(&s.unit) && s.factor == 1.0;
+    let Some((name, unit)) = all.iter().find(known).map(|s| (s.name.clone(), s.unit)) else { return };
+    for s in all.iter_mut().filter(|s| s.is_unit_open) {
+        s.unit = unit;
+        let why = format!("its name says an angle, and {name} is in {unit}");
+        s.why = vec![Statement::new(&s.name, format!("an angle in {unit}"), why).unsure()];
+    }
 }
 
 fn one(name: &str, index: usize, parts: &[&[f64]]) -> Seen {
     let e = extent(parts);
-    let mut seen =
-        Seen { name: name.to_owned(), index, kind: Kind::Unknown, unit: "1", factor: 1.0, counts: None, why: vec![] };
+    let mut seen = Seen {
+        name: name.to_owned(),
+        index,
+        kind: Kind::Unknown,
+        unit: "1",
+        factor: 1.0,
+        is_unit_open: false,
+        counts: None,
+        why: vec![],
+    };
     if e.high <= e.low {
         seen.kind = Kind::Constant;
     } else if parts.iter().all(|p| p.windows(2).all(|w| w[1] - w[0] == 1.0)) {
@@ -169,7 +195,7 @@ fn by_values(seen: &mut Seen, parts: &[&[f64]], e: Extent) {
     } else if called {
         let size = e.low.abs().max(e.high.abs());
         let unit = if size > 13.0 { "deg" } else { "rad" };
-        (seen.kind, seen.unit) = (Kind::Angle, unit);
+        (seen.kind, seen.unit, seen.is_unit_open) = (Kind::Angle, unit, true);
         let why = format!("its name says an angle, and its values go to {}", significant(size, 3));
         seen.why.push(Statement::new(&seen.name, format!("an angle in {unit}"), why).unsure());
     }

@@ -1,14 +1,14 @@
 //! What the equations of motion decide: of all readings of a record, the one that they fit.
 //!
-//! Counts a turn, whether angles are relative or absolute, which column is which arm and of which
-//! frequency a drive is all leave the equations a residual where they are wrong
-//! ([`crate::identify::suspects`]). Where two readings fit alike, nothing is decided and the
+//! Counts a turn, radians or degrees, whether angles are relative or absolute, which column is
+//! which arm and of which frequency a drive is all leave the equations a residual where they are
+//! wrong ([`crate::identify::suspects`]). Where two readings fit alike, nothing is decided and the
 //! statement is one to check.
 
-use super::columns::Seen;
+use super::columns::{Seen, UNITS};
 use super::counts::likely;
 use super::look::{Look, Tried};
-use super::{Draft, DraftDrive, Settings, Statement};
+use super::{Draft, DraftChannel, DraftDrive, Settings, Statement};
 use crate::error::{BadInput, Result};
 use crate::identify::suspects::{self, Footing};
 use crate::record::Record;
@@ -57,18 +57,18 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
     let length = draft.drive.as_ref().map_or(FREE_S.max(FEW_PERIODS / slowest), |d| PERIODS / d.frequency_hz);
     // Without a bound that fits, all of it is looked at.
     let _ = record.cut(&Part { from_s: None, to_s: Some(start + length) });
-    let open = |name: &str| seen.iter().any(|s| s.name == name && s.unit == "count" && s.counts.is_none());
-    let unknown: Vec<usize> = (0..draft.channels.len()).filter(|k| open(&draft.channels[*k].name)).collect();
+    let open = Open::of(draft, seen);
     let span_s = record.segments.iter().map(|s| s.len() as f64 * s.step_s).fold(0.0, f64::max);
     let Some(on) = Footing::of(&record, &rig) else { return Ok(()) };
     let look = Look { record: &record, on, span_s };
-    let mut tried = look.at_all(readings(draft, &unknown, settings, possible));
+    let mut tried = look.at_all(readings(draft, &open, settings, possible));
     if tried.is_empty() {
         return Ok(());
     }
     if may_hide && (tried[0].left > FITS || tried[0].draft.drive.is_none()) {
-        look.beside_the_lines(&mut tried, &readings(draft, &unknown, settings, &[]));
+        look.beside_the_lines(&mut tried, &readings(draft, &open, settings, &[]));
     }
+    let mut is_founded = true;
     // A drive adds terms, which take something away even where there is none.
     let at_rest = tried.iter().find(|t| t.draft.drive.is_none()).map_or(f64::INFINITY, |t| t.left);
     if at_rest - tried[0].left < DRIVEN {
@@ -78,6 +78,8 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
             // of its frequency.
             let why = "the motion does not die away, yet the equations of motion ask for no frequency clearly; if a shaker runs, say it with --drive-hz HZ";
             tried.iter_mut().for_each(|t| t.draft.why_model.push(Statement::new("drive", "none", why).unsure()));
+            // What leaves least of readings that all lack the drive is no better founded than that.
+            is_founded = false;
         }
     }
     let best = tried[0].draft.clone();
@@ -85,7 +87,10 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
     let next = |differs: &dyn Fn(&Draft) -> bool| {
         tried.iter().find(|t| differs(&t.draft)).map_or(f64::INFINITY, |t| t.left) - left
     };
-    let counts = next(&|d| unknown.iter().any(|k| d.channels[*k].counts_per_turn != best.channels[*k].counts_per_turn));
+    let differs =
+        |d: &Draft, k: usize, what: &dyn Fn(&DraftChannel) -> String| what(&d.channels[k]) != what(&best.channels[k]);
+    let counts = next(&|d| open.counts.iter().any(|k| differs(d, *k, &|c| format!("{:?}", c.counts_per_turn))));
+    let units: Vec<f64> = open.units.iter().map(|k| next(&|d| differs(d, *k, &|c| c.unit.clone()))).collect();
     let measures = next(&|d| d.channels.iter().zip(&best.channels).any(|(a, b)| a.measures != b.measures));
     let other = |d: &Draft| match (frequency(d), frequency(&best)) {
         (Some(a), Some(b)) => !look.one_line(a, b),
@@ -96,11 +101,15 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
     let rivals = rivals(&tried, &other, left, &look);
     let found_here = draft.drive.is_none();
     *draft = best;
-    for k in unknown {
-        tell_counts(draft, k, counts);
+    let founded = |by: f64| if is_founded { by } else { 0.0 };
+    for k in &open.counts {
+        tell_counts(&mut draft.channels[*k], founded(counts));
+    }
+    for (k, by) in open.units.iter().zip(units) {
+        tell_unit(&mut draft.channels[*k], founded(by));
     }
     if measures.is_finite() {
-        tell_measures(draft, measures);
+        tell_measures(draft, measures, is_founded);
     }
     if of_line.is_finite() || found_here && is_guess {
         tell_drive(draft, of_line, is_guess, &rivals);
@@ -132,8 +141,26 @@ fn frequency(draft: &Draft) -> Option<f64> {
     draft.drive.as_ref().map(|d| d.frequency_hz)
 }
 
+/// Channels of which the columns leave something open.
+struct Open {
+    /// The counts a turn.
+    counts: Vec<usize>,
+    /// Radians or degrees.
+    units: Vec<usize>,
+}
+
+impl Open {
+    fn of(draft: &Draft, seen: &[Seen]) -> Self {
+        let all = |is_open: &dyn Fn(&Seen) -> bool| {
+            let of = |c: &DraftChannel| seen.iter().any(|s| s.name == c.name && is_open(s));
+            (0..draft.channels.len()).filter(|k| of(&draft.channels[*k])).collect()
+        };
+        Self { counts: all(&|s| s.unit == "count" && s.counts.is_none()), units: all(&|s| s.is_unit_open) }
+    }
+}
+
 /// All readings that are possible.
-fn readings(draft: &Draft, unknown: &[usize], settings: &Settings, possible: &[DraftDrive]) -> Vec<Draft> {
+fn readings(draft: &Draft, open: &Open, settings: &Settings, possible: &[DraftDrive]) -> Vec<Draft> {
     let mut out = vec![draft.clone()];
     if draft.pendulum() == Some(Pendulum::Double) && settings.choices.map.is_empty() {
         let orders = [["theta1", "theta2"], ["phi1", "phi2"], ["theta2", "theta1"], ["phi2", "phi1"]];
@@ -143,12 +170,16 @@ fn readings(draft: &Draft, unknown: &[usize], settings: &Settings, possible: &[D
     let with_drive =
         |drive: Option<DraftDrive>| out.iter().map(|d| Draft { drive: drive.clone(), ..d.clone() }).collect::<Vec<_>>();
     out = drives.flat_map(with_drive).collect();
-    if unknown.is_empty() {
+    for k in &open.units {
+        let each = |d: &Draft| UNITS.map(|unit| in_unit(d, *k, unit));
+        out = out.iter().flat_map(each).collect();
+    }
+    if open.counts.is_empty() {
         return out;
     }
     let with = |d: &Draft, n: u32| {
         let mut d = d.clone();
-        unknown.iter().for_each(|k| d.channels[*k].counts_per_turn = Some(n));
+        open.counts.iter().for_each(|k| d.channels[*k].counts_per_turn = Some(n));
         d
     };
     out.iter()
@@ -167,6 +198,12 @@ fn drives_of(draft: &Draft, d: &DraftDrive) -> Vec<DraftDrive> {
     let possible = draft.pendulum().is_none_or(|p| p.takes(d.direction));
     let once = if possible { d.direction } else { Direction::Vertical };
     vec![drive(once, 1.0), drive(Direction::Vertical, 2.0)]
+}
+
+fn in_unit(draft: &Draft, k: usize, unit: &str) -> Draft {
+    let mut d = draft.clone();
+    unit.clone_into(&mut d.channels[k].unit);
+    d
 }
 
 fn measuring(draft: &Draft, order: &[&str]) -> Draft {
@@ -194,8 +231,7 @@ fn beside(by: f64) -> String {
     "no other fits".to_owned()
 }
 
-fn tell_counts(draft: &mut Draft, k: usize, by: f64) {
-    let c = &mut draft.channels[k];
+fn tell_counts(c: &mut DraftChannel, by: f64) {
     let n = c.counts_per_turn.unwrap_or_default();
     c.why.retain(|w| !w.check);
     let text = format!("{n} counts a turn");
@@ -211,14 +247,32 @@ fn tell_counts(draft: &mut Draft, k: usize, by: f64) {
     });
 }
 
-fn tell_measures(draft: &mut Draft, by: f64) {
+fn tell_unit(c: &mut DraftChannel, by: f64) {
+    c.why.retain(|w| !w.check);
+    let text = format!("an angle in {}", c.unit);
+    c.why.push(if by > CLEARLY {
+        Statement::new(
+            &c.name,
+            text,
+            format!("its name says an angle, the equations of motion its unit; {}", beside(by)),
+        )
+    } else {
+        let why = "its name says an angle; the equations of motion fit nearly as well with the other of rad and deg";
+        Statement::new(&c.name, text, why).unsure()
+    });
+}
+
+fn tell_measures(draft: &mut Draft, by: f64, is_founded: bool) {
     for c in &mut draft.channels {
         let what = match c.measures.as_str() {
             "theta1" | "phi1" => "the angle of arm 1",
             "theta2" => "the angle of arm 2 relative to arm 1",
             _ => "the absolute angle of arm 2",
         };
-        c.why.push(if by > CLEARLY {
+        c.why.push(if !is_founded {
+            let why = "the equations of motion without a drive leave least so, yet do not fit; say the drive with --drive-hz HZ, or which column is which with --map theta1=COLUMN --map theta2=COLUMN";
+            Statement::new(&c.name, what, why).unsure()
+        } else if by > CLEARLY {
             Statement::new(&c.name, what, format!("the equations of motion fit so; {}", beside(by)))
         } else {
             Statement::new(&c.name, what, "the equations of motion fit nearly as well otherwise").unsure()

@@ -135,7 +135,7 @@ fn channel(seen: &Seen, measures: &str) -> DraftChannel {
         why.push(Statement::new(&seen.name, text, "nothing in the record shows them; this is the commonest").unsure());
     }
     if seen.unit == "1" {
-        let text = "neither its name nor its values say its unit; give one of those that docs/rig-file.md lists";
+        let text = "neither its name nor its values say its unit: write it in the rig file, unit = \"m\", \"mm\", \"rad\", \"deg\", \"N\", \"V\" …";
         why.push(Statement::new(&seen.name, "numbers without a unit", text).unsure());
     }
     DraftChannel {

@@ -40,8 +40,20 @@ fn strongest(c: &Coordinate) -> Option<String> {
         return Some(format!("strongest near {} Hz (broad)", significant(f, 2)));
     }
     let l = s.lines.first()?;
-    let name = l.name.as_ref().map_or(String::new(), |n| format!(" ({n})"));
+    let name = l.name.as_ref().map_or(String::new(), |n| format!(" ({})", beside_the_drives(n)));
     Some(format!("strongest at {} Hz{name}", significant(l.frequency_hz, 3)))
+}
+
+/// A line's name in words, as a terminal has no legend for f_e: `f_e/2`, half of the drive's.
+fn beside_the_drives(name: &str) -> String {
+    let Some((times, part)) = name.split_once("f_e") else { return name.to_owned() };
+    let (times, part) = (times.trim(), part.trim_start_matches('/'));
+    match (times, part) {
+        ("", "") => "the drive's".to_owned(),
+        (n, "") => format!("{n} times the drive's"),
+        ("", n) => format!("1/{n} of the drive's"),
+        (n, m) => format!("{n}/{m} of the drive's"),
+    }
 }
 
 /// One line on the drive: stated and found; none for a free system.
@@ -146,7 +158,8 @@ pub fn text(inspection: &Inspection) -> String {
         }
         parts.push(format!("noise {}", quantity(c.noise, &c.unit, 2)));
         if c.step > 0.0 {
-            parts.push(format!("q/√12 {}", quantity(c.quantisation_noise, &c.unit, 2)));
+            let from = if c.counts { "counting" } else { "its steps" };
+            parts.push(format!("{from} alone {}", quantity(c.quantisation_noise, &c.unit, 2)));
         }
         parts.extend(strongest(c));
         line(&symbol_plain(&c.name), parts.join(", "));

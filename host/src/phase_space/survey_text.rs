@@ -15,14 +15,19 @@ pub fn text(space: &PhaseSpace) -> String {
     };
     let dimension = |d: Option<usize>| d.map_or_else(|| "none found".to_owned(), |d| d.to_string());
     for c in &space.coordinates {
-        let weak = if c.weak { ", weak" } else { "" };
-        let first = c.first_minimum.map_or_else(|| "no minimum".to_owned(), |m| format!("first minimum {m}"));
+        let first = match c.first_minimum {
+            Some(m) if m == c.delay => "the first minimum of its mutual information".to_owned(),
+            Some(m) => format!("the first minimum of its mutual information is at {m}"),
+            None => "its mutual information has no minimum".to_owned(),
+        };
+        let weak = if c.weak { ", none of them clear" } else { "" };
         line(
             "delay",
             format!(
-                "{}: mutual information {first}, T_d {} samples{weak}; dimension {} by false neighbours, {} by Cao",
+                "{}: {} sample{} ({first}{weak}); embedding dimension {} by false neighbours, {} by Cao",
                 symbol_plain(&c.name),
                 c.delay,
+                if c.delay == 1 { "" } else { "s" },
                 dimension(c.dimension),
                 dimension(c.cao_dimension)
             ),
@@ -54,16 +59,13 @@ pub fn text(space: &PhaseSpace) -> String {
     if let Some(o) = &space.orbits {
         let periods: Vec<String> = o.orbits.iter().take(12).map(|o| o.period.to_string()).collect();
         let more = if o.orbits.len() > 12 { ", …" } else { "" };
-        let of = if periods.is_empty() { String::new() } else { format!(", periods {}{more}", periods.join(", ")) };
-        line(
-            "orbits",
-            format!(
-                "{} at {} %{of}; they cover {} % of the motion",
-                o.orbits.len(),
-                significant(100.0 * o.settings.tolerance, 2),
-                fixed(100.0 * o.coverage, 1)
-            ),
-        );
+        let of = if periods.is_empty() {
+            String::new()
+        } else {
+            let shared = fixed(100.0 * o.coverage, 1);
+            format!(", after {}{more} drive periods; they cover {shared} % of the motion", periods.join(", "))
+        };
+        line("orbits", format!("{}{of}", closing(o.orbits.len(), o.settings.tolerance)));
     }
     if let Some(o) = &space.free_orbits {
         let periods: Vec<String> = o.orbits.iter().take(8).map(|o| significant(o.period_s, 4)).collect();
@@ -72,7 +74,7 @@ pub fn text(space: &PhaseSpace) -> String {
             String::new()
         } else {
             format!(
-                ", periods {}{more} s; they cover {} % of the motion",
+                ", after {}{more} s; they cover {} % of the motion",
                 periods.join(", "),
                 fixed(100.0 * o.coverage, 1)
             )
@@ -80,7 +82,17 @@ pub fn text(space: &PhaseSpace) -> String {
         // Without a positive exponent the motion need not have unstable orbits: a sum of swings
         // also comes back.
         let word = if space.spreads() { "orbits" } else { "returns" };
-        line(word, format!("{} at {} %{of}", o.orbits.len(), significant(100.0 * o.settings.tolerance, 2)));
+        line(word, format!("{}{of}", closing(o.orbits.len(), o.settings.tolerance)));
     }
     out
+}
+
+/// How many orbits close, and how closely.
+fn closing(count: usize, tolerance: f64) -> String {
+    let within = format!("within {} % of the range", significant(100.0 * tolerance, 2));
+    match count {
+        0 => format!("none that closes {within}"),
+        1 => format!("1 that closes {within}"),
+        n => format!("{n} that close {within}"),
+    }
 }

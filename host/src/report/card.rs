@@ -73,7 +73,7 @@ pub struct Card {
 impl CardRow {
     /// Of a coefficient; what it multiplies stands where it has no plain name.
     pub fn of(p: &Parameter, equations: Option<&WrittenOut>) -> Self {
-        let multiplies = || equations.and_then(|w| w.multiplies.get(&p.name)).map(|m| format!("multiplies, {m}"));
+        let multiplies = || equations.and_then(|w| Some(factor(w.multiplies.get(&p.name)?, w.equations.len())));
         Self {
             symbol: p.name.clone(),
             plain: names::parameter(&p.name).map(str::to_owned).or_else(multiplies).unwrap_or_default(),
@@ -115,6 +115,15 @@ impl CardRow {
     }
 }
 
+/// What a coefficient of no plain name is: `in equation 1: x` of several, as a person says it.
+fn factor(place: &str, equations: usize) -> String {
+    match place.split_once(": ") {
+        Some((_, of)) if equations == 1 => format!("factor of {of}"),
+        Some((at, of)) => format!("factor {at} of {of}"),
+        None => place.to_owned(),
+    }
+}
+
 /// Terms of one side behind their signs, as text.
 fn signed(terms: &[WrittenTerm]) -> Vec<String> {
     if terms.is_empty() {
@@ -148,14 +157,19 @@ fn lines(e: &WrittenEquation) -> String {
     format!("{}\n", out.trim_end())
 }
 
+/// Columns of a terminal that a text takes: dots above a letter take none.
+fn shown(text: &str) -> usize {
+    text.chars().filter(|c| !('\u{300}'..='\u{36f}').contains(c)).count()
+}
+
 /// A column's width: that of its longest cell.
 fn width(cells: impl Iterator<Item = String>) -> usize {
-    cells.map(|c| c.chars().count()).max().unwrap_or(0)
+    cells.map(|c| shown(&c)).max().unwrap_or(0)
 }
 
 /// A cell filled up to a width.
 fn cell(text: &str, width: usize) -> String {
-    format!("{text}{}", " ".repeat(width.saturating_sub(text.chars().count())))
+    format!("{text}{}", " ".repeat(width.saturating_sub(shown(text))))
 }
 
 impl Card {

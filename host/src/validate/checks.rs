@@ -35,7 +35,7 @@ pub(super) fn checks(v: &Validation) -> Vec<Check> {
                 if unended && measured < share * simulated {
                     ": most last to the record's end".to_owned()
                 } else {
-                    format!(", of which {:.0} % are asked", 100.0 * share)
+                    format!(", of which at least {:.0} % is asked for", 100.0 * share)
                 }
             ),
         );
@@ -47,7 +47,7 @@ pub(super) fn checks(v: &Validation) -> Vec<Check> {
             "poincare-section",
             p >= SECTIONS_DIFFER,
             format!(
-                "sections as different as these by chance with probability {p:.3} (least of {} phases)",
+                "sections as different as these come by chance with probability {p:.3} (least of {} phases)",
                 tests.len()
             ),
         );

@@ -6,14 +6,19 @@ use indicatif::ProgressBar;
 
 use super::horizon::{Horizon, horizon};
 use super::identified_equations::IdentifiedEquations;
+use super::result::Labelled;
 use super::{ExponentComparison, HorizonComparison, OrbitComparison, Orbits, Pair, Settings};
 use crate::identify::stretches::Stretch;
+use crate::identify::units::channel_units;
 use crate::model::flow::{Flow, Inputs, Outside};
 use crate::motion::starts::{FIT_PERIODS, LONGEST_PERIODS, Pace, RecordTrack, Starts};
 use crate::phase_space::model_exponent;
 use crate::phase_space::orbit_refinement::{RefinedOrbit, refine};
 use crate::phase_space::survey::PhaseSpace;
-use crate::wording::format::{shortest, significant};
+use crate::rig::Rig;
+use crate::rig::measures::ObservedModel;
+use crate::wording::format::{quantity, shortest};
+use crate::wording::symbols::symbol_plain;
 
 /// Share of the span by which a coordinate on a line may be off where an angle may be off by a
 /// turn: 30° are a twelfth of both.
@@ -29,6 +34,10 @@ pub struct Comparisons<'a> {
     pub circle: Vec<bool>,
     /// Choices.
     pub settings: &'a Settings,
+    /// The rig's channels, and what they measure.
+    of: (&'a Rig, &'a ObservedModel),
+    /// Which sensors show angles.
+    shows_angle: Vec<bool>,
     /// By how much each sensor's prediction may be off, in its unit.
     tolerance: Vec<f64>,
 }
@@ -44,26 +53,24 @@ pub struct Beginning<'a> {
 }
 
 impl<'a> Comparisons<'a> {
-    /// For a model on a record. `circle`: which coordinates are angles.
+    /// For a model on a record; `of`: its rig and what its channels measure.
     pub fn new(
         equations: &'a IdentifiedEquations,
         record: RecordTrack<'_>,
-        circle: Vec<bool>,
+        of: (&'a Rig, &'a ObservedModel),
         pace: Pace,
         settings: &'a Settings,
     ) -> Self {
-        let tolerance = record
-            .track
-            .sensors
-            .iter()
-            .map(|weights| {
-                let angle = weights.iter().zip(&circle).all(|(w, c)| *w == 0.0 || *c);
-                let span = if angle { TAU } else { span(record.stretches, weights) };
-                settings.tolerance_deg / TURN_DEG * span
-            })
-            .collect();
+        let circle = of.1.model.circle();
+        let is_angle = |weights: &Vec<f64>| weights.iter().zip(&circle).all(|(w, c)| *w == 0.0 || *c);
+        let shows_angle: Vec<bool> = record.track.sensors.iter().map(is_angle).collect();
+        let allowed = |(weights, angle): (&Vec<f64>, &bool)| {
+            let span = if *angle { TAU } else { span(record.stretches, weights) };
+            settings.tolerance_deg / TURN_DEG * span
+        };
+        let tolerance = record.track.sensors.iter().zip(&shows_angle).map(allowed).collect();
         let starts = Starts::new(&*equations.dynamics, &equations.parameters, record, pace, settings.starts);
-        Self { starts, equations, circle, settings, tolerance }
+        Self { starts, equations, circle, settings, of, shows_angle, tolerance }
     }
 
     /// Where the model follows the longest stretch.
@@ -111,15 +118,35 @@ impl<'a> Comparisons<'a> {
         }
     }
 
-    /// How far a prediction may be off, in words.
+    /// How far a prediction may be off, in words: an angle, and what is none in its own unit.
     fn within(&self) -> String {
-        let angle = format!("{}°", shortest(self.settings.tolerance_deg));
-        let share = format!("{} % of its range", significant(100.0 * self.settings.tolerance_deg / TURN_DEG, 2));
-        match (self.circle.contains(&true), self.circle.contains(&false)) {
-            (true, true) => format!("{angle} (what is no angle: {share})"),
-            (false, true) => share,
-            _ => angle,
+        let (rig, bound) = self.of;
+        let mut out = Vec::new();
+        if self.shows_angle.contains(&true) {
+            out.push(format!("{}°", shortest(self.settings.tolerance_deg)));
         }
+        for (k, may) in self.tolerance.iter().enumerate().filter(|(k, _)| !self.shows_angle[*k]) {
+            let channel = &rig.channel[bound.sensors[k]];
+            let size = quantity(*may, channel.si_unit(), 2);
+            let several = self.tolerance.len() > 1;
+            out.push(if several { format!("{size} of {}", symbol_plain(&channel.measures)) } else { size });
+        }
+        out.join(" and ")
+    }
+
+    /// The model's coordinates, as pages label them.
+    pub fn labels(&self) -> Vec<Labelled> {
+        let (rig, bound) = self.of;
+        let (units, _) = channel_units(&bound.model, rig, bound);
+        let all = bound.model.coordinates.iter().zip(units).zip(&self.circle);
+        all.map(|((c, unit), is_angle)| Labelled {
+            name: c.name.clone(),
+            // An angle has no dimension, and is in radians.
+            unit: if *is_angle { "rad".to_owned() } else { unit.to_string() },
+            is_angle: *is_angle,
+            turns: *is_angle,
+        })
+        .collect()
     }
 
     /// The largest exponent of the driven model along a stretch, from its variational equations,
@@ -171,6 +198,7 @@ impl<'a> Comparisons<'a> {
             measured: count(measured),
             simulated: count(simulated),
             refined,
+            unit: one_unit(&self.labels()),
         })
     }
 
@@ -208,6 +236,12 @@ impl<'a> Comparisons<'a> {
         let flow = Flow::new(of, parameters, outside, self.starts.step_s);
         refine(&flow, of, &self.circle, &guess, stretch.time(first), self.starts.pace.period_s)
     }
+}
+
+/// The unit that all coordinates have; 1 where they have several.
+fn one_unit(all: &[Labelled]) -> String {
+    let first = all.first().map_or("1", |c| &c.unit);
+    if all.iter().all(|c| c.unit == first) { first.to_owned() } else { "1".to_owned() }
 }
 
 /// Greatest less smallest value of what a sensor shows.

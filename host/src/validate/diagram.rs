@@ -47,5 +47,5 @@ pub(super) fn diagram(of: &Comparisons<'_>, tau: f64, state: &[f64]) -> Result<O
     let choice = bifurcation::Settings { settle: 200, keep: 60, step_s };
     let columns =
         bifurcation::bifurcation(&*equations.dynamics, &sets, Outside::drive(0.0, tau, omega), state, circle, &choice);
-    Ok(Some(Bifurcation { parameter: parameter.clone(), factor, columns }))
+    Ok(Some(Bifurcation { parameter: parameter.clone(), factor, columns, of: of.labels() }))
 }

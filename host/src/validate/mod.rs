@@ -142,7 +142,7 @@ pub fn validate(
     let track = Track::new(stretches, &exogenous, rig, bound, noise);
     let measured = RecordTrack { stretches, track: &track };
     let pace = Pace { period_s: period_s(rig, &prepared), omega };
-    let comparisons = Comparisons::new(&equations, measured, bound.model.circle(), pace, settings);
+    let comparisons = Comparisons::new(&equations, measured, (rig, bound), pace, settings);
 
     let begin = comparisons.longest_stretch(measured).ok_or_else(unable)?;
     let like = records.iter().max_by_key(|r| r.longest_segment()).ok_or_else(unable)?;
@@ -164,7 +164,7 @@ pub fn validate(
     bar.inc(1);
     let of_record = supplements.inspection.or(inspected.as_ref()).ok_or_else(unable)?;
     let spaces = (&of_record.phase_space, &of_own.phase_space);
-    let sections = sections::compare(spaces.0, spaces.1, settings.seed);
+    let sections = sections::compare(spaces.0, spaces.1, &of_record.coordinates, settings.seed);
     let records_exponents = Pair::of_exponents(spaces.0.lyapunov.as_ref(), spaces.1.lyapunov.as_ref());
     let lyapunov = comparisons.exponent(begin.stretch, &begin.state, records_exponents);
     bar.inc(1);

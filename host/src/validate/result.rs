@@ -21,6 +21,19 @@ pub enum Verdict {
     Failed,
 }
 
+/// A coordinate as pages label it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Labelled {
+    /// Its name.
+    pub name: String,
+    /// SI unit of its values; 1 where it has none.
+    pub unit: String,
+    /// Whether it is an angle, whose whole turns are no difference.
+    pub is_angle: bool,
+    /// Whether it goes beyond half a turn.
+    pub turns: bool,
+}
+
 /// One comparison that can fail.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Check {
@@ -138,6 +151,9 @@ pub struct Orbits {
     pub simulated: Vec<usize>,
     /// The record's best closing ones, refined on the model.
     pub refined: Vec<OrbitComparison>,
+    /// Unit of how far these moved; 1 where the coordinates are in several.
+    #[serde(skip)]
+    pub unit: String,
 }
 
 /// A bifurcation diagram of the model.
@@ -149,6 +165,9 @@ pub struct Bifurcation {
     pub factor: Vec<f64>,
     /// Section of each.
     pub columns: Vec<Column>,
+    /// The model's coordinates.
+    #[serde(skip)]
+    pub of: Vec<Labelled>,
 }
 
 /// A validation.

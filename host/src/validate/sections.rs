@@ -2,7 +2,12 @@
 
 use serde::Serialize;
 
+use core::f64::consts::PI;
+
 use super::energy_distance::{EnergyTest, energy_test};
+use super::result::Labelled;
+use crate::inspect::coordinate::Coordinate;
+use crate::inspect::motion::Space;
 use crate::phase_space::poincare_section::Section;
 use crate::phase_space::survey::PhaseSpace;
 
@@ -13,6 +18,9 @@ pub struct SectionComparison {
     pub tau: f64,
     /// Names of the coordinates.
     pub names: Vec<String>,
+    /// The same, as pages label them.
+    #[serde(skip)]
+    pub of: Vec<Labelled>,
     /// Measured.
     pub measured: Section,
     /// Of the model's own record.
@@ -21,9 +29,16 @@ pub struct SectionComparison {
     pub test: Option<EnergyTest>,
 }
 
-/// All sections; none where either record has none or repeats.
-pub fn compare(measured: &PhaseSpace, simulated: &PhaseSpace, seed: u64) -> Vec<SectionComparison> {
+/// All sections; none where either record has none or repeats. `known`: the record's coordinates.
+pub fn compare(
+    measured: &PhaseSpace,
+    simulated: &PhaseSpace,
+    known: &[Coordinate],
+    seed: u64,
+) -> Vec<SectionComparison> {
     let names: Vec<String> = measured.coordinates.iter().map(|c| c.name.clone()).collect();
+    let of: Vec<Labelled> = names.iter().map(|n| label(n, known)).collect();
+    let is_angle: Vec<bool> = of.iter().map(|l| l.is_angle).collect();
     // A record that repeats has no exponent; its sections are a few points that no test tells apart
     // by distance.
     if measured.lyapunov.is_none() || simulated.lyapunov.is_none() || simulated.coordinates.len() != names.len() {
@@ -34,10 +49,11 @@ pub fn compare(measured: &PhaseSpace, simulated: &PhaseSpace, seed: u64) -> Vec<
         .iter()
         .zip(&simulated.sections)
         .map(|(a, b)| {
-            let (x, y) = features(a, b);
+            let (x, y) = features(a, b, &is_angle);
             SectionComparison {
                 tau: a.tau,
                 names: names.clone(),
+                of: of.clone(),
                 measured: a.clone(),
                 simulated: b.clone(),
                 test: energy_test(&x, &y, seed),
@@ -46,30 +62,71 @@ pub fn compare(measured: &PhaseSpace, simulated: &PhaseSpace, seed: u64) -> Vec<
         .collect()
 }
 
-/// Points as features of equal weight: cosine and sine of each angle, and each velocity over its
-/// scatter in both sections together.
-fn features(a: &Section, b: &Section) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
-    let coordinates = a.value.len().min(b.value.len());
-    let scale: Vec<f64> = (0..coordinates)
-        .map(|c| {
-            let all: Vec<f64> = a.velocity[c].iter().chain(&b.velocity[c]).map(|v| f64::from(*v)).collect();
-            let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
-            let variance = all.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / all.len().max(1) as f64;
-            if variance > 0.0 { variance.sqrt() } else { 1.0 }
-        })
-        .collect();
+fn label(name: &str, known: &[Coordinate]) -> Labelled {
+    let c = known.iter().find(|c| c.name == name);
+    Labelled {
+        name: name.to_owned(),
+        unit: c.map_or_else(|| "1".to_owned(), |c| c.unit.clone()),
+        is_angle: c.is_some_and(|c| c.space == Space::S1),
+        turns: c.is_some_and(|c| c.space == Space::S1 && (c.greatest > PI || c.least < -PI)),
+    }
+}
+
+/// Points as features of equal weight, whatever their units: cosine and sine of each angle, and
+/// each length and velocity over its scatter in both sections together.
+fn features(a: &Section, b: &Section, is_angle: &[bool]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
+    let coordinates = a.value.len().min(b.value.len()).min(is_angle.len());
+    let scatters = |of: &dyn Fn(&Section) -> &[Vec<f32>]| -> Vec<f64> {
+        (0..coordinates).map(|c| scatter(&[&of(a)[c], &of(b)[c]].map(|x| &x[..]))).collect()
+    };
+    let (of_value, of_velocity) = (scatters(&|s| &s.value), scatters(&|s| &s.velocity));
     let points = |s: &Section| -> Vec<Vec<f64>> {
         let n = s.value.iter().map(Vec::len).min().unwrap_or(0);
-        (0..n)
-            .map(|i| {
-                (0..coordinates)
-                    .flat_map(|c| {
-                        let angle = f64::from(s.value[c][i]);
-                        [angle.cos(), angle.sin(), f64::from(s.velocity[c][i]) / scale[c]]
-                    })
-                    .collect()
-            })
-            .collect()
+        let one = |i: usize| {
+            let mut out = Vec::with_capacity(3 * coordinates);
+            for c in 0..coordinates {
+                let x = f64::from(s.value[c][i]);
+                if is_angle[c] {
+                    out.extend([x.cos(), x.sin()])
+                } else {
+                    out.push(x / of_value[c])
+                }
+                out.push(f64::from(s.velocity[c][i]) / of_velocity[c]);
+            }
+            out
+        };
+        (0..n).map(one).collect()
     };
     (points(a), points(b))
+}
+
+/// Standard deviation of all values together; 1 where they do not differ.
+fn scatter(parts: &[&[f32]]) -> f64 {
+    let all: Vec<f64> = parts.iter().flat_map(|p| p.iter()).map(|v| f64::from(*v)).collect();
+    let count = all.len().max(1) as f64;
+    let mean = all.iter().sum::<f64>() / count;
+    let variance = all.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / count;
+    if variance > 0.0 { variance.sqrt() } else { 1.0 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_length_counts_as_much_in_any_unit() {
+        let section = |scale: f32, shift: f32| {
+            let x: Vec<f32> = (0..50).map(|i| scale * ((i as f32 * 0.7).sin() + shift)).collect();
+            let v: Vec<f32> = (0..50).map(|i| scale * (i as f32 * 1.3).cos()).collect();
+            Section { tau: 0.0, value: vec![x], velocity: vec![v] }
+        };
+        let p = |scale: f32| {
+            let (x, y) = features(&section(scale, 0.0), &section(scale, 1.5), &[false]);
+            (x[0].len(), energy_test(&x, &y, 1).unwrap().p_value)
+        };
+        // A millimetre's cosine is 1 wherever the motion is.
+        assert!(p(1e-3).1 < 0.02 && p(1e-3) == p(1.0), "{:?} {:?}", p(1e-3), p(1.0));
+        let (x, _) = features(&section(1.0, 0.0), &section(1.0, 0.0), &[true]);
+        assert_eq!((p(1.0).0, x[0].len()), (2, 3));
+    }
 }

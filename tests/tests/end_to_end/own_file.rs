@@ -227,6 +227,46 @@ fn a_model_goes_on_from_a_record_whose_time_has_another_name() {
     assert!(alone.status == 2 && alone.stderr.contains("--from"), "{alone:?}");
 }
 
+/// An arm that whirls goes far in radians too: how far says nothing of the unit.
+#[test]
+fn an_angle_of_no_known_unit_is_what_the_equations_fit() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let written = |names: &[&str], per_count: f64, uneven: f64| {
+        let columns = header(&at.join("own.csv"));
+        let heads: Vec<String> = (1..=names.len()).map(|k| format!("angle{k}")).collect();
+        let mut text = format!("time,{}\n", heads.join(","));
+        for (i, r) in rows(&at.join("own.csv")).iter().enumerate() {
+            write!(text, "{}", r[0]).unwrap();
+            for (k, name) in names.iter().enumerate() {
+                let count = r[columns.iter().position(|c| c == name).unwrap()];
+                // The fractions of a golden ratio's multiples: no steps are left.
+                let off = ((i as f64 + 0.37 * k as f64) * 0.618_033_988_75).fract() - 0.5;
+                write!(text, ",{:.6}", (count + 0.5 + uneven * off) * per_count).unwrap();
+            }
+            text.push('\n');
+        }
+        std::fs::write(at.join("run.csv"), text).unwrap();
+        let said = done(at, "init run.csv -o rig.toml --force");
+        (std::fs::read_to_string(at.join("rig.toml")).unwrap(), said)
+    };
+    let turn = std::f64::consts::TAU;
+    rig_file(at, "seed.toml", "truth.toml", &[]);
+    done(at, "simulate --rig truth.toml --seconds 60 --seed 8 -o own.csv");
+    let (rig, said) = written(&["count1", "count2"], turn / 1024.0, 0.0);
+    assert_eq!(rig.matches("unit = \"rad\"").count(), 2, "{rig}\n{said}");
+    assert!(rig.contains("frequency_hz = 5.0\n"), "{rig}\n{said}");
+    let first = rig.split("[[channel]]").nth(1).unwrap();
+    assert!(first.contains("measures = \"theta1\""), "{rig}\n{said}");
+    rig_file(at, "single-pendulum.toml", "truth.toml", &[]);
+    done(at, "simulate --rig truth.toml --seconds 60 --seed 3 -o own.csv --force");
+    for (unit, of_turn) in [("rad", turn), ("deg", 360.0)] {
+        let (rig, said) = written(&["count1"], of_turn / 4096.0, 3.0);
+        assert!(rig.contains(&format!("unit = \"{unit}\"")) && rig.contains("frequency_hz = 2.5\n"), "{rig}\n{said}");
+        assert!(said.contains("the equations of motion its unit"), "{said}");
+    }
+}
+
 fn header(path: &Path) -> Vec<String> {
     let text = std::fs::read_to_string(path).unwrap();
     text.lines().next().unwrap().split(',').map(str::to_owned).collect()

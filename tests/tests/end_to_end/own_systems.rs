@@ -249,7 +249,8 @@ fn a_model_file_is_validated() {
     let rig = rig("van-der-pol.toml");
     done(folder, &format!("simulate --rig {rig} --seconds 20 --seed 1 -o r.parquet"));
     done(folder, &format!("identify r.parquet --rig {rig} -o m.toml"));
-    done(folder, &format!("validate r.parquet --rig {rig} --model m.toml --starts 6 --json v.json"));
+    let text = done(folder, &format!("validate r.parquet --rig {rig} --model m.toml --starts 6 --json v.json"));
+    assert!(!text.contains("of its range") && text.contains(" V of the record for"), "{text}");
     assert_eq!(json(&folder.join("v.json"))["verdict"], "passed");
     let text = std::fs::read_to_string(folder.join("m.toml")).unwrap();
     let (head, tail) = text.split_once("k = { value = ").unwrap();

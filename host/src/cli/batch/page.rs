@@ -88,7 +88,11 @@ impl<'a> Summary<'a> {
     }
 
     fn text(&self) -> String {
-        let shares: Vec<String> = self.verdicts.iter().map(|(verdict, n)| format!("{n} {verdict}")).collect();
+        // Other verdicts say what records are, and have no plural.
+        let share = |(verdict, n): (&String, &usize)| {
+            format!("{n} {verdict}{}", if verdict == "error" && *n > 1 { "s" } else { "" })
+        };
+        let shares: Vec<String> = self.verdicts.iter().map(share).collect();
         let (s, of) = (
             if self.rows == 1 { "" } else { "s" },
             if self.rows == self.records { String::new() } else { format!(" of {}", self.records) },

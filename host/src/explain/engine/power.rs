@@ -126,7 +126,8 @@ impl Power {
                 bins.push([at, value, band]);
                 if value > CLEARLY * band {
                     let (from, to) = ((at - 0.5 * step).max(0.0), at + 0.5 * step);
-                    places.push(Where { equation: e + 1, against: "frequency".to_owned(), from, to, value, band });
+                    let (against, units) = ("frequency".to_owned(), ("Hz", unit.clone()));
+                    places.push(Where { equation: e + 1, against, from, to, value, band, units });
                 }
             }
             let against = "frequency".to_owned();

@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use super::axes::Axis;
 use crate::statistics::Z95;
+use crate::wording::format::significant;
 
 /// Bins of a map.
 const BINS: usize = 24;
@@ -36,6 +37,26 @@ pub struct Where {
     pub value: f64,
     /// Band (95 %) of the sensors' noise alone.
     pub band: f64,
+    /// Unit of the coordinate, and of the residual.
+    #[serde(skip)]
+    pub units: (&'static str, String),
+}
+
+impl Where {
+    /// The stretch in words: `frequency 0 … 5.16 Hz`.
+    pub fn stretch(&self) -> String {
+        let to = with_unit(significant(self.to, 3), self.units.0);
+        format!("{} {} … {to}", self.against, significant(self.from, 3))
+    }
+
+    /// A number of its residual with its unit.
+    pub fn residual(&self, x: f64) -> String {
+        with_unit(significant(x, 2), &self.units.1)
+    }
+}
+
+fn with_unit(number: String, unit: &str) -> String {
+    if matches!(unit, "" | "1") { number } else { format!("{number} {unit}") }
 }
 
 /// The residual of an equation against a coordinate.
@@ -129,6 +150,7 @@ impl Residual<'_> {
                         to: from + width,
                         value: sum / n,
                         band,
+                        units: (axis.unit, self.unit.to_owned()),
                     });
                 }
             }
@@ -211,7 +233,10 @@ mod tests {
             to: from + 1.0,
             value,
             band: 1.0,
+            units: ("m", "N".to_owned()),
         };
+        assert_eq!(place("position of x", 0.5, 2.0).stretch(), "position of x 0.500 … 1.50 m");
+        assert_eq!(place("x", 0.0, -2.0).residual(-2.0), "−2.0 N");
         // Two neighbours of one sign are one place.
         let bins = vec![place("x", 0.0, 2.0), place("x", 1.0, 3.0), place("x", 2.0, -4.0)];
         let lines = merge(vec![place("frequency", 5.0, 9.0), place("frequency", 20.0, 3.5)]);

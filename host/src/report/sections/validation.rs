@@ -9,6 +9,7 @@ use crate::report::figures::scatter::scatter;
 use crate::report::html::{Align, Html};
 use crate::report::{Results, SectionKind};
 use crate::validate::horizon::Horizon;
+use crate::validate::result::Labelled;
 use crate::validate::{Bifurcation, Orbits, Pair, Validation, Verdict};
 use crate::wording::format::{Z95, fixed, percent, plus_minus, significant};
 use crate::wording::symbols::symbol_svg;
@@ -96,12 +97,20 @@ fn horizons(body: &mut Html, v: &Validation) {
         cells.push(Html::text(&of.unended.to_string()));
         cells
     };
-    let heads: Vec<(Html, Align)> =
-        ["", "10 % / s", "25 %", "median", "75 %", "90 %", "median in Lyapunov times", "to the end"]
-            .iter()
-            .enumerate()
-            .map(|(i, t)| head(t, if i == 0 { Align::Left } else { Align::Right }))
-            .collect();
+    let heads: Vec<(Html, Align)> = [
+        "",
+        "10 % by / s",
+        "25 % by / s",
+        "median / s",
+        "75 % by / s",
+        "90 % by / s",
+        "median in Lyapunov times",
+        "to the record's end",
+    ]
+    .iter()
+    .enumerate()
+    .map(|(i, t)| head(t, if i == 0 { Align::Left } else { Align::Right }))
+    .collect();
     let times = h.median_lyapunov_times;
     body.table(
         &heads,
@@ -115,11 +124,9 @@ fn sections(body: &mut Html, v: &Validation) {
     for (c, name) in s.names.iter().enumerate() {
         let symbol = symbol_svg(name);
         for (title, of, colour) in [("record", &s.measured, 0), ("model's own", &s.simulated, 1)] {
-            let mut panel = Panel::new(
-                title,
-                Axis::angle(format!("{symbol} / rad")),
-                Axis::linear(format!("d{symbol}/dt / (rad/s)")).range(-reach(s, c), reach(s, c)),
-            );
+            let (x, unit) = (axis(&s.of[c]), &s.of[c].unit);
+            let y = Axis::linear(format!("d{symbol}/dt / ({unit}/s)")).range(-reach(s, c), reach(s, c));
+            let mut panel = Panel::new(title, x, y);
             let list = |x: &[Vec<f32>]| x.get(c).map_or(Vec::new(), |x| x.iter().map(|v| f64::from(*v)).collect());
             panel.series.push(Series::new("", Shape::Dots, list(&of.value), list(&of.velocity)).colour(colour));
             panels.push(panel);
@@ -150,6 +157,12 @@ fn sections(body: &mut Html, v: &Validation) {
                 .collect();
         body.table(&heads, &rows);
     }
+}
+
+/// The axis of a coordinate in its own unit; of angles that turn, wrapped.
+fn axis(c: &Labelled) -> Axis {
+    let label = format!("{} / {}", symbol_svg(&c.name), c.unit);
+    if c.turns { Axis::angle(label) } else { Axis::linear(label) }
 }
 
 /// The largest velocity of a coordinate in both sections: both panels get one scale.
@@ -214,7 +227,7 @@ fn orbits(body: &mut Html, o: &Orbits) {
                 || ("none near".to_owned(), "–".to_owned(), "–".to_owned()),
                 |f| {
                     let turns: Vec<String> =
-                        f.turns.iter().map(|t| t.map_or_else(|| "–".to_owned(), |t| t.to_string())).collect();
+                        f.turns.iter().map(|t| t.map_or_else(|| "–".to_owned(), |t| fixed(t as f64, 0))).collect();
                     let largest = f.multipliers.first().map_or(0.0, |m| m[0].hypot(m[1]));
                     (turns.join(", "), significant(f.moved, 2), significant(largest, 3))
                 },
@@ -232,7 +245,7 @@ fn orbits(body: &mut Html, o: &Orbits) {
             head("in the record at / s", Align::Right),
             head("closing error", Align::Right),
             head("turns", Align::Right),
-            head("moved / rad", Align::Right),
+            head(&if o.unit == "1" { "moved".to_owned() } else { format!("moved / {}", o.unit) }, Align::Right),
             head("largest multiplier", Align::Right),
         ];
         body.table(&heads, &rows);
@@ -240,13 +253,10 @@ fn orbits(body: &mut Html, o: &Orbits) {
 }
 
 fn bifurcation(body: &mut Html, b: &Bifurcation) {
-    let panels: Vec<Panel> = (0..2)
+    let panels: Vec<Panel> = (0..b.of.len())
         .map(|k| {
-            let mut panel = Panel::new(
-                "",
-                Axis::linear(format!("factor on {}", if b.parameter == "drive" { "the drive" } else { &b.parameter })),
-                Axis::angle(format!("{} / rad", symbol_svg(["phi1", "phi2"][k]))),
-            );
+            let factor = format!("factor on {}", if b.parameter == "drive" { "the drive" } else { &b.parameter });
+            let mut panel = Panel::new("", Axis::linear(factor), axis(&b.of[k]));
             let points = b.factor.iter().zip(&b.columns).flat_map(|(f, c)| c.iter().map(move |p| (*f, p[k])));
             let (x, y) = points.unzip();
             panel.series.push(Series::new("", Shape::Dots, x, y).colour(k));
@@ -259,4 +269,29 @@ fn bifurcation(body: &mut Html, b: &Bifurcation) {
         240.0,
         &panels,
     ));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_diagram_has_a_panel_for_each_coordinate_in_its_own_unit() {
+        let of = |name: &str, unit: &str| Labelled {
+            name: name.to_owned(),
+            unit: unit.to_owned(),
+            is_angle: unit == "rad",
+            turns: unit == "rad",
+        };
+        let drawn = |of: Vec<Labelled>, point: Vec<f64>| {
+            let mut body = Html::new();
+            let (parameter, factor, columns) = ("k".to_owned(), vec![0.9, 1.1], vec![vec![point]; 2]);
+            bifurcation(&mut body, &Bifurcation { parameter, factor, columns, of });
+            body.0
+        };
+        let length = drawn(vec![of("x", "m")], vec![0.01, 0.2]);
+        assert!(length.contains("/ m<") && !length.contains("rad"), "{length}");
+        let both = drawn(vec![of("x", "m"), of("phi", "rad")], vec![0.01, 0.5, 0.2, 0.1]);
+        assert!(both.contains("/ m<") && both.contains("/ rad<"), "{both}");
+    }
 }
