@@ -41,4 +41,5 @@ mod unnamed;
 mod unplugged;
 mod validated;
 mod verdicts;
+mod windows;
 mod yielding_frame;
