@@ -27,7 +27,7 @@ pub fn card(e: &Explanation, rig: &Rig) -> Card {
     let mut out = Card { verdict: sentence(e), ..Card::default() };
     if e.verdict != Verdict::NotDecidable {
         out.equations = e.model.as_ref().and_then(|m| equations(m, rig));
-        out.parameters = parameters(e, out.equations.as_ref());
+        out.parameters = parameters(e, out.equations.as_ref(), rig);
         out.gap = gap(e);
         out.picture = e.prediction.clone();
         let test = |f: &Found| format!("{}: {}.", names::capitalised(&names::effect(&f.name())), f.confirm);
@@ -144,11 +144,11 @@ fn without_number(reason: &Reason) -> String {
 }
 
 /// The model's own parameters, then effects, before and after.
-fn parameters(e: &Explanation, equations: Option<&WrittenOut>) -> Vec<CardRow> {
+fn parameters(e: &Explanation, equations: Option<&WrittenOut>, rig: &Rig) -> Vec<CardRow> {
     let row = |p: &Parameter| {
         let before = e.parameters_before.iter().find(|b| b.name == p.name).map(|b| (b.value, b.std_error));
         let found = e.effects.iter().find(|f| f.name() == p.name);
-        let row = CardRow::of(p, equations);
+        let row = CardRow::of(p, equations, rig);
         let after = found.map_or(row.after, |f| (f.value, f.std_error));
         match p.name.contains('@') {
             true => CardRow {

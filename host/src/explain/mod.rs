@@ -62,8 +62,8 @@ pub struct Settings {
     /// Horizons of the forecasts, s: the first 70 % of the record is fitted, the last 30 %
     /// predicted. By default 1 and 4 of the gap's, 1 and 40/3 (2.667 s) when free.
     pub forecast_s: Vec<f64>,
-    /// Windows, test functions and low-pass of the weak form that everything starts from;
-    /// shooting's windows follow from them.
+    /// Windows, test functions and low-pass of the weak form that everything starts from; shooting's
+    /// windows follow from them, and are as long as a length that is given here.
     pub weak: identify::Settings,
     /// Most effects that are added; 8 by default.
     pub most_effects: Option<usize>,

@@ -14,7 +14,7 @@ use crate::wording::symbols::symbol_plain;
 /// The card of an identification of a rig.
 pub fn card(result: &Identification, rig: &Rig) -> Card {
     let equations = identified_model(result, rig).ok().and_then(|m| equations(&m, rig));
-    let parameters = result.parameters.iter().map(|p| CardRow::of(p, equations.as_ref())).collect();
+    let parameters = result.parameters.iter().map(|p| CardRow::of(p, equations.as_ref(), rig)).collect();
     let (together, open): (Vec<_>, Vec<_>) = result.groups_not_separable.iter().partition(|g| is_known(result, g));
     Card {
         verdict: sentence(result),

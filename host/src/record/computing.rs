@@ -3,8 +3,7 @@
 use super::Column;
 use super::rows::Rows;
 use crate::error::Result;
-use crate::model::model_file::expression::{Node, Symbol};
-use crate::rig::computed::{self, From};
+use crate::rig::computed::{self, Formula, From};
 
 /// Puts the rig's channels in the place of the columns that were read. A gap of one column is one
 /// of each channel that needs it.
@@ -21,9 +20,9 @@ pub(super) fn compute(rows: &mut Rows<'_>) -> Result<()> {
     for (k, from) in from.iter().enumerate() {
         match from {
             From::Column(i) => missing[k].clone_from(&rows.missing[*i]),
-            From::Expression(node) => {
-                missing[k] = without(rows, node);
-                out[k] = Some(values(rows, k, node, &missing[k])?);
+            From::Expression(formula) => {
+                missing[k] = without(rows, formula);
+                out[k] = Some(values(rows, k, formula, &missing[k])?);
             }
         }
     }
@@ -44,8 +43,8 @@ pub(super) fn compute(rows: &mut Rows<'_>) -> Result<()> {
 }
 
 /// Rows in which some column of an expression has no value, increasing.
-fn without(rows: &Rows<'_>, node: &Node) -> Vec<usize> {
-    let used = |i: usize| node.any(&|s| s == Symbol::Input(i));
+fn without(rows: &Rows<'_>, formula: &Formula) -> Vec<usize> {
+    let used = |i: usize| formula.any(&|used| used == i);
     let mut all: Vec<usize> =
         (0..rows.missing.len()).filter(|i| used(*i)).flat_map(|i| rows.missing[i].clone()).collect();
     all.sort_unstable();
@@ -54,7 +53,7 @@ fn without(rows: &Rows<'_>, node: &Node) -> Vec<usize> {
 }
 
 /// An expression's values, in the type of channel k.
-fn values(rows: &Rows<'_>, k: usize, node: &Node, missing: &[usize]) -> Result<Column> {
+fn values(rows: &Rows<'_>, k: usize, formula: &Formula, missing: &[usize]) -> Result<Column> {
     let channel = &rows.rig.channel[k];
     let count = channel.unit == "count";
     let (mut counts, mut values) = (Vec::new(), Vec::new());
@@ -68,12 +67,9 @@ fn values(rows: &Rows<'_>, k: usize, node: &Node, missing: &[usize]) -> Result<C
             }
             continue;
         }
-        let value = node.value(&|s| match s {
-            Symbol::Input(i) => match &rows.columns[i] {
-                Column::Counts(c) => f64::from(c[row]),
-                Column::Values(v) => v[row],
-            },
-            _ => f64::NAN,
+        let value = formula.value(&|i| match &rows.columns[i] {
+            Column::Counts(c) => f64::from(c[row]),
+            Column::Values(v) => v[row],
         });
         let bad = |expected: &str| {
             let e = rows.bad(place(rows, row), &channel.name, value.to_string(), expected);

@@ -14,6 +14,7 @@ use super::html::{Align, Html, escape, marked};
 use crate::explain::engine::compared::Compared;
 use crate::export::written_out::{WrittenEquation, WrittenOut, WrittenTerm};
 use crate::identify::Parameter;
+use crate::rig::Rig;
 use crate::wording::format::{Z95, plus_minus, significant};
 use crate::wording::names;
 use crate::wording::symbols::{symbol_plain, symbol_svg};
@@ -71,12 +72,13 @@ pub struct Card {
 }
 
 impl CardRow {
-    /// Of a coefficient; what it multiplies stands where it has no plain name.
-    pub fn of(p: &Parameter, equations: Option<&WrittenOut>) -> Self {
+    /// Of a coefficient of a rig's model; what it multiplies stands where it has no plain name.
+    pub fn of(p: &Parameter, equations: Option<&WrittenOut>, rig: &Rig) -> Self {
         let multiplies = || equations.and_then(|w| Some(factor(w.multiplies.get(&p.name)?, w.equations.len())));
+        let plain = names::parameter(&p.name).filter(|_| rig.names_a_pendulum_s(&p.name));
         Self {
             symbol: p.name.clone(),
-            plain: names::parameter(&p.name).map(str::to_owned).or_else(multiplies).unwrap_or_default(),
+            plain: plain.map(str::to_owned).or_else(multiplies).unwrap_or_default(),
             before: None,
             after: (p.value, p.std_error),
             unit: if p.unit == "1" { String::new() } else { p.unit.clone() },

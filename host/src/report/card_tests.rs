@@ -71,3 +71,18 @@ fn long_equations_break_between_terms() {
     assert!(text.lines().count() > 2 && text.lines().all(|l| l.chars().count() <= WIDE), "{text}");
     assert!(text.trim_end().ends_with("= 0.123 sin(φ₁) cos(τ)"), "{text}");
 }
+
+/// A coefficient `a` of an oscillator's own file is no amplitude of a drive; that of the built-in
+/// pendulum is, and so is one of arms from bodies.
+#[test]
+fn plain_names_are_a_pendulum_s() {
+    let p = |name: &str| Parameter { name: name.to_owned(), value: 1.0, std_error: 0.1, unit: "1".to_owned() };
+    let plain = |rig: &str, name: &str| {
+        let path = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs").join(rig);
+        CardRow::of(&p(name), None, &Rig::read(path).unwrap()).plain
+    };
+    assert_eq!(plain("van-der-pol.toml", "a"), "");
+    assert_eq!(plain("mass-pendulum-model-file.toml", "m1"), "");
+    assert_eq!(plain("chaotic.toml", "a"), "amplitude of the drive");
+    assert_eq!(plain("double-pendulum-from-bodies.toml", "m1"), "mass of arm 1");
+}

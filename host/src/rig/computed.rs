@@ -1,19 +1,21 @@
 //! Channels that are computed from several columns: a `name` that begins with `=`, such as
 //! `=2*a - b` or `={Winkel 1 (deg)} - {Winkel 2 (deg)}`.
 //!
-//! The expression is that of model files ([`crate::model::model_file::parser`]) over the names of
-//! columns: `+ − * / ^`, parentheses, functions of one argument, `pi`. A name that is no word
-//! stands in braces. Values are taken as they stand in the file, before gain and offset, which are
-//! the channel's own.
+//! The expression is written as those of model files ([`crate::model::model_file::parser`]) over
+//! the names of columns: `+ − * / ^`, parentheses, functions of one argument, `pi`, and besides
+//! `atan2(y, x)`, `atan`, `asin`, `acos` ([`formula`]). A name that is no word stands in braces.
+//! Values are taken as they stand in the file, before gain and offset, which are the channel's own.
+//! What comes out is unwrapped as the channel's unit says, like a column.
+
+mod formula;
 
 use std::cell::RefCell;
 use std::path::Path;
 
+pub(crate) use self::formula::Formula;
+use self::formula::OF_TWO;
 use super::Channel;
 use crate::error::{BadInput, Result};
-use crate::model::model_file::expression::{
-    FUNCTIONS, Node, Symbol, add, call, divide, multiply, number, power, subtract, symbol,
-};
 use crate::model::model_file::parser::{Fault, Grammar, parse};
 
 /// Most columns of an expression.
@@ -24,8 +26,8 @@ const MOST_COLUMNS: usize = 64;
 pub(crate) enum From {
     /// The column with this index.
     Column(usize),
-    /// An expression whose inputs are columns.
-    Expression(Node),
+    /// An expression over columns.
+    Expression(Formula),
 }
 
 /// The columns that are read for channels, and how the channels come from them.
@@ -81,23 +83,23 @@ pub(crate) fn sources(channels: &[Channel], path: &Path) -> Result<Sources> {
         };
         let names = Columns { columns: RefCell::new(columns), braced: RefCell::default() };
         let words = names.words(text);
-        let node =
+        let formula =
             words.and_then(|words| parse(&words, &names).map_err(|m| (m.at.start, m.found, m.expected, m.remedy)));
-        let node = node.map_err(|(at, found, expected, remedy)| {
+        let formula = formula.map_err(|(at, found, expected, remedy)| {
             let at = text.get(..at).map_or(0, |t| t.chars().count()) + 2;
             BadInput::new(found, expected)
                 .in_file(path)
                 .at(format!("channel {} (\"{}\"), character {at} of its name", i + 1, channel.name))
                 .remedy(remedy)
         })?;
-        if !node.any(&|_| true) {
+        if !formula.any(&|_| true) {
             return Err(BadInput::new("an expression without a column", "names of columns in it, such as =2*a - b")
                 .in_file(path)
                 .at(format!("channel {} (\"{}\")", i + 1, channel.name))
                 .remedy("A column whose own name begins with = stands in braces: ={=name}"));
         }
         columns = names.columns.into_inner();
-        from.push(From::Expression(node));
+        from.push(From::Expression(formula));
     }
     Ok(Sources { columns, channels: from })
 }
@@ -143,8 +145,8 @@ impl Columns {
         Ok(out + rest)
     }
 
-    /// The input that stands for a column.
-    fn column(&self, name: &str) -> core::result::Result<Node, Fault> {
+    /// What stands for a column.
+    fn column(&self, name: &str) -> core::result::Result<Formula, Fault> {
         let mut columns = self.columns.borrow_mut();
         let found = columns.iter().position(|c| c.name == name);
         if found.is_none() && columns.len() >= MOST_COLUMNS {
@@ -154,29 +156,24 @@ impl Columns {
             columns.push(Channel::new(name, "1"));
             columns.len() - 1
         });
-        Ok(symbol(Symbol::Input(index)))
+        Ok(Formula::Column(index))
     }
 }
 
 impl Grammar for Columns {
-    type Value = Node;
+    type Value = Formula;
     const LISTS: bool = false;
+    const ARGUMENTS: bool = true;
 
-    fn number(&self, x: f64) -> Node {
-        number(x)
+    fn number(&self, x: f64) -> Formula {
+        Formula::Number(x)
     }
 
-    fn operation(&self, operator: char, left: Node, right: Node) -> core::result::Result<Node, Fault> {
-        Ok(match operator {
-            '+' => add(left, right),
-            '-' => subtract(left, right),
-            '*' => multiply(left, right),
-            '/' => divide(left, right),
-            _ => power(left, right),
-        })
+    fn operation(&self, operator: char, left: Formula, right: Formula) -> core::result::Result<Formula, Fault> {
+        Ok(Formula::Operation(operator, Box::new(left), Box::new(right)))
     }
 
-    fn name(&self, name: &str, primes: usize, called: bool) -> core::result::Result<Option<Node>, Fault> {
+    fn name(&self, name: &str, primes: usize, called: bool) -> core::result::Result<Option<Formula>, Fault> {
         if primes > 0 {
             let found = format!("a derivative of {name}");
             return Err(Fault::new(
@@ -188,27 +185,33 @@ impl Grammar for Columns {
         let braced = self.braced.borrow().iter().find(|(word, _)| word == name).map(|(_, column)| column.clone());
         match (braced, name) {
             (Some(column), _) => self.column(&column).map(Some),
-            (None, "pi" | "π") => Ok(Some(number(core::f64::consts::PI))),
+            (None, "pi" | "π") => Ok(Some(Formula::Number(core::f64::consts::PI))),
             (None, _) if called => {
-                if FUNCTIONS.iter().any(|f| f.0 == name) {
+                if name == OF_TWO || formula::function(name).is_some() {
                     return Ok(None);
                 }
-                let all: Vec<&str> = FUNCTIONS.iter().map(|f| f.0).collect();
-                let expected = format!("one of the functions {}", all.join(", "));
+                let expected = format!("one of the functions {}", formula::names().join(", "));
                 Err(Fault::new(format!("the function \"{name}\""), expected, "Correct the function's name"))
             }
             (None, _) => self.column(name).map(Some),
         }
     }
 
-    fn call(&self, name: &str, mut arguments: Vec<Node>) -> core::result::Result<Node, Fault> {
-        match (FUNCTIONS.iter().find(|f| f.0 == name), arguments.pop()) {
-            (Some((_, f)), Some(a)) => Ok(call(*f, a)),
-            _ => Err(Fault::new(format!("the function \"{name}\""), "a function of one argument", "Correct it")),
+    fn call(&self, name: &str, arguments: Vec<Formula>) -> core::result::Result<Formula, Fault> {
+        let count = arguments.len();
+        let mut arguments = arguments.into_iter().map(Box::new);
+        match (formula::function(name), arguments.next(), arguments.next(), count) {
+            (Some(f), Some(a), None, _) => Ok(Formula::Call(f, a)),
+            (None, Some(y), Some(x), 2) if name == OF_TWO => Ok(Formula::Atan2(y, x)),
+            _ => Err(Fault::new(
+                format!("{count} argument{} of {name}", if count == 1 { "" } else { "s" }),
+                if name == OF_TWO { "two, atan2(y, x)" } else { "one" },
+                "Write decimals with a point, and arguments with a comma between them",
+            )),
         }
     }
 
-    fn list(&self, _: Vec<Node>) -> core::result::Result<Node, Fault> {
+    fn list(&self, _: Vec<Formula>) -> core::result::Result<Formula, Fault> {
         Err(Fault::new("a list", "an expression", "Write one expression"))
     }
 }
@@ -266,12 +269,47 @@ mod tests {
         );
     }
 
+    /// A bob that goes round and round and comes back, as a camera sees it (y downward): the angle
+    /// is that of the motion, in rad, and in degrees too.
+    #[test]
+    fn a_whirling_angle_comes_from_pixels() {
+        let angle = |i: i32| 12.0 * (f64::from(i) * 0.02).sin() + 0.03 * f64::from(i);
+        let row = |i: i32| {
+            let (x, y) = (640.0 + 300.0 * angle(i).sin(), 360.0 + 300.0 * angle(i).cos());
+            format!("{:.2},{x:.9},{y:.9}\n", f64::from(i) * 0.01)
+        };
+        let csv = "t,x,y\n".to_owned() + &(0..600).map(row).collect::<String>();
+        let rig = rig(&[
+            ("=atan2({x} - 640, y - 360)", "rad"),
+            ("=atan2(x - 640, y - 360)*180/pi", "deg"),
+            ("=asin((x - 640)/300.001)^2 + acos((y - 360)/300.001) + atan(x)", "1"),
+        ])
+        .unwrap();
+        let record = read(&csv, &rig).unwrap();
+        let columns = &record.segments[0].columns;
+        for (column, unit) in columns.iter().zip([1.0, core::f64::consts::PI / 180.0]) {
+            let Column::Values(v) = column else { panic!("values") };
+            let worst = (0..600).map(|i| (v[i as usize] * unit - v[0] * unit - angle(i) + angle(0)).abs());
+            assert!(worst.fold(0.0, f64::max) < 1e-9);
+        }
+        let Column::Values(v) = &columns[2] else { panic!("values") };
+        let a = angle(10);
+        let expected = (300.0 * a.sin() / 300.001).asin().powi(2)
+            + (300.0 * a.cos() / 300.001).acos()
+            + (640.0 + 300.0 * a.sin()).atan();
+        assert!((v[10] - expected).abs() < 1e-6, "{} {expected}", v[10]);
+        assert_eq!(record.warnings.iter().filter(|w| w.text.contains("=atan2(")).count(), 2, "{:?}", record.warnings);
+    }
+
     #[test]
     fn mistakes_point_at_their_character() {
         for (name, parts) in [
             ("=2*a -", &["channel 1", "character 7 of its name", "the end"][..]),
             ("=2*{a", &["character 4 of its name", "without its \\\"}\\\""]),
-            ("=sen(a)", &["the function", "sin, cos"]),
+            ("=sen(a)", &["the function", "sin, cos", "acos, atan2"]),
+            ("=atan2(a)", &["character 2 of its name", "1 argument of atan2", "atan2(y, x)"]),
+            ("=sin(a, b)", &["2 arguments of sin", "expected one"]),
+            ("=2,5*a", &["character 3 of its name", "decimals with a point"]),
             ("=a'", &["a derivative of a"]),
             ("={}", &["a column's name in braces"]),
             ("=", &["nothing"]),

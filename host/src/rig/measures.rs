@@ -17,6 +17,8 @@ use crate::model::model_file::parser::{Names, parse};
 use crate::model::model_file::toml_place::{self, Source};
 use crate::model::model_file::units::Unit;
 use crate::model::model_file::{self, ModelFile};
+use crate::system::bodies::Body;
+use crate::system::language::Placed;
 use crate::system::library::Pendulum;
 use crate::system::{self, library};
 
@@ -32,6 +34,18 @@ impl Rig {
     /// The built-in system of this rig; none for a model file and what is only reduced.
     pub fn pendulum(&self) -> Option<Pendulum> {
         Pendulum::named(&self.model)
+    }
+
+    /// Whether a coefficient or quantity that is called as one of a pendulum's is that: of a built-in
+    /// pendulum, or of a file whose bodies hang on `arm1`. What else a file calls `a` or `m1` is its
+    /// own.
+    pub fn names_a_pendulum_s(&self, name: &str) -> bool {
+        // Amplitude and phase are a drive's.
+        let is_there = self.drive.is_some() || !["a", "psi"].contains(&name);
+        let Some(bound) = &self.bound else { return is_there && self.pendulum().is_some() };
+        let file = bound.model.mechanism.as_deref().and_then(|m| m.file.as_deref());
+        let arm = |b: &Placed<Body>| matches!(&b.value, Body::Arm { name, .. } if name == "arm1");
+        is_there && file.is_some_and(|f| !f.written && f.bodies.iter().any(arm))
     }
 }
 

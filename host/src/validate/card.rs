@@ -11,7 +11,7 @@ use crate::wording::names;
 /// The card of a validation of a model on a rig.
 pub fn card(v: &Validation, model: &IdentifiedModel, rig: &Rig) -> Card {
     let equations = equations(model, rig);
-    let own = model.parameters.iter().map(|p| CardRow::of(p, equations.as_ref()));
+    let own = model.parameters.iter().map(|p| CardRow::of(p, equations.as_ref(), rig));
     let effects = model.effects.iter().map(|e| CardRow {
         symbol: String::new(),
         plain: names::effect(&e.name()),

@@ -42,4 +42,5 @@ mod unnamed;
 mod unplugged;
 mod validated;
 mod verdicts;
+mod windows;
 mod yielding_frame;

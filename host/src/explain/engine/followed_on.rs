@@ -1,5 +1,6 @@
 //! Windows of another length: a motion that nothing drives, followed on in longer ones once
-//! everything was found in shorter ones; shorter ones where nothing is found at all.
+//! everything was found in shorter ones; shorter ones where nothing is found at all. Neither where a
+//! length was asked for.
 
 use super::evidence::{Evidence, Outcome, refit};
 use super::run::Run;
@@ -36,7 +37,7 @@ impl Run<'_> {
         let misses = exchange::sum(&outcome.fit) > exchange::MISSES * blocks.noise();
         let kept = self.told.clone();
         let samples = self.told.state.followed.as_ref().map_or(0, Followed::samples);
-        let nothing = self.told.result.effects.is_empty() && most > 0 && samples > 0;
+        let nothing = self.told.result.effects.is_empty() && most > 0 && samples > 0 && self.setting.window_s.is_none();
         if !misses || !nothing || !self.begin_again() {
             return Ok(outcome);
         }
@@ -89,7 +90,8 @@ impl Run<'_> {
     /// # Errors
     /// As [`Run::push`].
     pub(super) fn followed_on(&mut self) -> Result<Option<Outcome>> {
-        let goes_on = self.setting.shooting && self.setting.rig.drive.is_none();
+        let is_asked = self.setting.window_s.is_some();
+        let goes_on = self.setting.shooting && self.setting.rig.drive.is_none() && !is_asked;
         if !goes_on || !self.setting.bound.inputs.is_empty() {
             return Ok(None);
         }

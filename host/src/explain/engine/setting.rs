@@ -60,6 +60,8 @@ pub struct Setting<'a> {
     pub shooting: bool,
     /// Windows of shooting that the record should give.
     pub blocks: f64,
+    /// Length of a window that was asked for, s: in its place no other is sought.
+    pub window_s: Option<f64>,
     /// Signs that own coefficients keep; 0 for either.
     pub signs: Vec<f64>,
     /// Noise of the sensors.
@@ -146,6 +148,7 @@ impl<'a> Setting<'a> {
             own,
             shooting: true,
             blocks: BLOCKS,
+            window_s: settings.window_s,
             signs: Vec::new(),
             sensors,
             geometry,

@@ -44,8 +44,10 @@ impl Fault {
 pub trait Grammar {
     /// What an expression becomes.
     type Value;
-    /// Whether there are lists `[a, b]` and functions of several arguments.
+    /// Whether there are lists `[a, b]`.
     const LISTS: bool;
+    /// Whether functions may have several arguments.
+    const ARGUMENTS: bool = Self::LISTS;
 
     /// A number.
     fn number(&self, x: f64) -> Self::Value;

@@ -73,7 +73,11 @@ pub fn parse<G: Grammar>(text: &str, names: &G) -> Result<G::Value, Mistake> {
         Token::End => Ok(e),
         Token::Close => Err(p.mistake("a \")\" without its \"(\"", "", "Remove it, or open it before")),
         Token::CloseList => Err(p.mistake("a \"]\" without its \"[\"", "", "Remove it, or open it before")),
-        Token::Comma => Err(p.mistake("\",\"", "an operator, + - * / ^", "A list stands in brackets, [right, up]")),
+        Token::Comma => {
+            let lists = "A list stands in brackets, [right, up]";
+            let remedy = if G::LISTS { lists } else { "Write decimals with a point" };
+            Err(p.mistake("\",\"", "an operator, + - * / ^", remedy))
+        }
         Token::Open | Token::OpenList | Token::Number(_) | Token::Name(..) => {
             let found = format!("\"{}\"", &text[p.at.clone()]);
             Err(p.mistake(&found, "an operator, + - * / ^", "A product needs its \"*\""))
@@ -107,7 +111,7 @@ impl<G: Grammar> Parser<'_, G> {
             ')' => Token::Close,
             '[' if G::LISTS => Token::OpenList,
             ']' if G::LISTS => Token::CloseList,
-            ',' if G::LISTS => Token::Comma,
+            ',' if G::ARGUMENTS => Token::Comma,
             '*' if rest.starts_with("**") => {
                 length = 2;
                 Token::Operator('^')
@@ -287,7 +291,7 @@ impl<G: Grammar> Parser<'_, G> {
         if self.token == Token::Close {
             return Err(self.mistake("nothing", &format!("the argument of {name}"), "Put it between the parentheses"));
         }
-        let arguments = if G::LISTS {
+        let arguments = if G::ARGUMENTS {
             self.items(&Token::Close, &open, "a \"(\" without its \")\"")?
         } else {
             let argument = self.expression(0)?;

@@ -19,6 +19,7 @@
 //! as long as they can be followed, and those of the last length that do not stand still are left
 //! out, by convergence and never by misfit (a reversal that only just happens). Other windows grow
 //! while what is left of them is small beside the motion, and on with the model that gets better.
+//! Where a length is asked for they are as long as that, if the model follows them.
 //!
 //! | file | what |
 //! |---|---|
@@ -185,7 +186,8 @@ fn longest(setting: &Setting<'_>, lengths: &[usize]) -> usize {
     let own = setting.geometry.windows.length_s / step_s;
     let follows_on = !setting.bound.inputs.is_empty() || setting.blocks < BLOCKS;
     let most = if follows_on { TRANSIENTS * own } else { own };
-    let wished = (whole as f64 / setting.blocks).min(most) as usize;
+    let asked = setting.window_s.map(|s| (s / step_s).round());
+    let wished = asked.unwrap_or((whole as f64 / setting.blocks).min(most)) as usize;
     wished.max(2 * FEWEST_SAMPLES).min(lengths.iter().copied().max().unwrap_or(0))
 }
 
@@ -196,9 +198,12 @@ fn stages(setting: &Setting<'_>, full: usize) -> Vec<(usize, usize)> {
     let step_s = setting.raw.first().map_or(1.0, |s| s.step_s);
     if let Some(drive) = setting.rig.drive {
         let period = (1.0 / (drive.frequency_hz * step_s)).ceil() as usize;
-        let most = full.min(MOST_PERIODS * period);
         let doubled = (0..usize::BITS).map(|k| period.max(2 * FEWEST_SAMPLES) << k);
-        return doubled.take_while(|l| *l <= most).map(|l| (l, PASSES[2])).collect();
+        let lengths: Vec<usize> = match setting.window_s {
+            Some(_) => doubled.take_while(|l| *l < full).chain([full]).collect(),
+            None => doubled.take_while(|l| *l <= full.min(MOST_PERIODS * period)).collect(),
+        };
+        return lengths.into_iter().map(|l| (l, PASSES[2])).collect();
     }
     let of = |(share, passes): (f64, usize)| ((share * full as f64) as usize, passes);
     STAGES.into_iter().zip(PASSES).map(of).filter(|s| s.0 >= 2 * FEWEST_SAMPLES).collect()
