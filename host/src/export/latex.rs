@@ -19,7 +19,13 @@ pub struct Latex;
 impl Notation for Latex {
     /// A number of an expression, which has no standard error: to five digits, as reports do.
     fn number(&self, x: f64) -> String {
-        typeset(&rounded(x))
+        let text = rounded(x);
+        match text.split_once("·10") {
+            Some((digits, power)) if digits.contains('.') => {
+                typeset(&format!("{}·10{power}", digits.trim_end_matches('0').trim_end_matches('.')))
+            }
+            _ => typeset(&text),
+        }
     }
 
     fn product(&self, a: &str, b: &str) -> String {
@@ -117,8 +123,7 @@ fn typeset(text: &str) -> String {
     let text = text.replace('−', "-");
     let Some((digits, power)) = text.split_once("·10") else { return text };
     let power: String = power.chars().map(|c| "⁰¹²³⁴⁵⁶⁷⁸⁹".chars().position(|s| s == c).map_or('-', digit)).collect();
-    let factor = if digits == "1" { String::new() } else { format!("{digits}\\cdot ") };
-    format!("{factor}10^{{{power}}}")
+    format!("{digits}\\cdot 10^{{{power}}}")
 }
 
 fn digit(n: usize) -> char {
@@ -127,7 +132,10 @@ fn digit(n: usize) -> char {
 
 /// A value to the digits that its standard error supports, with its sign.
 fn value(x: f64, std_error: f64) -> String {
-    format!("{}{}", if x < 0.0 { "-" } else { "" }, typeset(&digits(x, std_error, 1.0)))
+    let size = digits(x, std_error, 1.0);
+    // What rounds to zero has no sign.
+    let minus = x < 0.0 && size.contains(|c: char| matches!(c, '1'..='9'));
+    format!("{}{}", if minus { "-" } else { "" }, typeset(&size))
 }
 
 /// A standard error as a cell of a table, or what stands for it.
@@ -290,6 +298,7 @@ mod tests {
         assert_eq!(value(1.5, f64::NAN), "1.5");
         assert_eq!((error(2.134e-5).as_str(), error(0.0).as_str()), ("\\(2.1\\cdot 10^{-5}\\)", "taken as known"));
         assert_eq!(Latex.number(6.818_211_905_903_273e-5), "6.8182\\cdot 10^{-5}");
-        assert_eq!((Latex.number(7.0).as_str(), typeset("1·10⁻¹²").as_str()), ("7", "10^{-12}"));
+        assert_eq!((Latex.number(7.0).as_str(), typeset("1·10⁻¹²").as_str()), ("7", "1\\cdot 10^{-12}"));
+        assert_eq!((value(-1e-4, 0.01).as_str(), value(-0.01, 0.001).as_str()), ("0.000", "-0.0100"));
     }
 }

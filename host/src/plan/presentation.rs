@@ -137,7 +137,7 @@ fn proposal(out: &mut String, p: &Proposal, tell: &[String]) {
         if p.draws > 1 && high.is_finite() {
             let _ = write!(out, " ({} to {})", significant(Z95 * low, 3), significant(Z95 * high, 3));
         }
-        let _ = writeln!(out, " {}", q.unit);
+        let _ = writeln!(out, "{}", if q.unit == "1" { String::new() } else { format!(" {}", q.unit) });
     }
 }
 

@@ -103,7 +103,13 @@ pub fn symbol_plain(name: &str) -> String {
     };
     let mut out = String::new();
     for (base, sub) in parts(name) {
-        let Some(sub) = sub.chars().map(lower).collect::<Option<String>>() else { return name.to_owned() };
+        let Some(sub) = sub.chars().map(lower).collect::<Option<String>>() else {
+            // A Greek letter with an index as it was given: `τ_c1`; a column's `x_m` is its name.
+            return match name.split_once('_') {
+                Some((_, index)) if sub == index => format!("{base}_{index}"),
+                _ => name.to_owned(),
+            };
+        };
         out.push_str(&base);
         out.push_str(&sub);
     }
@@ -181,7 +187,7 @@ mod tests {
         assert_eq!(symbol_plain("theta1"), "θ₁");
         assert_eq!(symbol_plain("B11"), "B₁₁");
         assert_eq!(symbol_plain("J_o1"), "Jₒ₁");
-        assert_eq!(symbol_plain("tau_c1"), "tau_c1");
+        assert_eq!((symbol_plain("tau_c1").as_str(), symbol_plain("x_m").as_str()), ("τ_c1", "x_m"));
         assert_eq!(symbol_plain("m1e1"), "m₁e₁");
         assert_eq!(symbol_html("J_o1"), "<i>J</i><sub>o1</sub>");
         assert_eq!(symbol_html("a<b"), "a&lt;b");
