@@ -208,10 +208,10 @@ mod tests {
         // A limit that is met once in full motion, and once by a turning point a little beyond it.
         let rail = |i: i32| match i {
             0..1200 => 380.0 * (0.05 * f64::from(i)).sin(),
-            1200..2400 => 403.0 * (0.04 * f64::from(i)).sin(),
-            _ => 900.0 * (0.04 * f64::from(i)).sin(),
+            1200..2400 => 415.0 * (0.04 * f64::from(i)).sin(),
+            _ => 900.0 * (0.04 * f64::from(i - 2400)).sin(),
         };
-        let turned: Vec<i32> = (0..2560).map(|i| (rail(i).floor() as i32).clamp(-2000, 400)).collect();
+        let turned: Vec<i32> = (0..2550).map(|i| (rail(i).floor() as i32).clamp(-2000, 400)).collect();
         let found = of(&turned);
         assert!(found.iter().any(|r| r.from > 2400) && found.iter().any(|r| r.from < 2400), "{found:?}");
         assert!(found.iter().all(|r| r.extreme == 1 && r.value == 400.0), "{found:?}");

@@ -28,7 +28,7 @@ const PATCHES: usize = 3;
 const ORDERS: f64 = 8.0;
 
 /// Rms of a sum of laws of one sensor, over that of the smallest of them, below which they cancel.
-const CANCELS: f64 = 0.25;
+const CANCELS: f64 = 1.0 / 3.0;
 /// Readings at which they are compared.
 const READINGS: usize = 2000;
 

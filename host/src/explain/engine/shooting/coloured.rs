@@ -200,7 +200,7 @@ mod tests {
             -(chance.max(1e-9)).ln()
         };
         let density: Vec<f64> = (0..200).map(|k| (0..8).map(|m| noise(k, m)).sum::<f64>() * shape(k).powi(2)).collect();
-        let record = (0..200).map(|k| if k < 30 { 1e6 } else { 1.0 }).zip(&density).map(|(f, d): (f64, &f64)| f * d);
+        let record = (0..200).map(|k| if k < 20 { 1e6 } else { 1.0 }).zip(&density).map(|(f, d): (f64, &f64)| f * d);
         Rest { record: record.collect(), density, segments: 8, own: 4, square: 1.0 }
     }
 
@@ -210,7 +210,7 @@ mod tests {
         let smoothed = of(|k| 1.0 / (1.0 + (k as f64 / 40.0).powi(4)));
         let corner = smoothed.corner().unwrap();
         assert!((30..50).contains(&corner) && smoothed.flatness(corner) > FLAT, "{corner}");
-        assert!(smoothed.is_alone(corner) && !smoothed.is_alone(25));
+        assert!(smoothed.is_alone(corner) && !smoothed.is_alone(22));
         // White noise has no corner below its end.
         assert_eq!(of(|_| 1.0).corner(), None);
         // What a model lacks decays with the motion, or has its lines.
