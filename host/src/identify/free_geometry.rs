@@ -38,16 +38,15 @@ const FEWEST_WINDOWS: f64 = 6.0;
 /// Step by which they shorten.
 const SHORTEN: f64 = 0.95;
 
-/// The window of a record that gaps cut: as wished where its stretches hold [`FEWEST_WINDOWS`] (one
-/// that nothing cuts, a single one), else the longest of which they hold [`WINDOWS`], beside the
-/// low-pass's reach; as wished where there is none.
+/// The window of a record that gaps cut: as wished where its stretches hold [`FEWEST_WINDOWS`], else
+/// the longest of which they hold [`WINDOWS`], beside the low-pass's reach; as wished where there is
+/// none.
 pub(super) fn within_gaps(wished_s: f64, stretches_s: &[f64], rate: f64) -> f64 {
     let least_s = FEWEST_SAMPLES / rate;
     let reach_s = MOST_REACH * stretches_s.iter().fold(0.0, |a: f64, b| a.max(*b));
     let of = |stretch: &f64, length: f64| ((stretch - 2.0 * reach_s - length) / (0.5 * length)).floor() + 1.0;
     let held = |length: f64| stretches_s.iter().map(|s| of(s, length).max(0.0)).sum::<f64>();
-    let fewest = if stretches_s.len() < 2 { 1.0 } else { FEWEST_WINDOWS };
-    if held(wished_s) >= fewest {
+    if stretches_s.len() < 2 || held(wished_s) >= FEWEST_WINDOWS {
         return wished_s;
     }
     let shorter = std::iter::successors(Some(wished_s), |l| Some(l * SHORTEN)).take_while(|l| *l >= least_s);
