@@ -299,6 +299,6 @@ mod tests {
         assert_eq!((error(2.134e-5).as_str(), error(0.0).as_str()), ("\\(2.1\\cdot 10^{-5}\\)", "taken as known"));
         assert_eq!(Latex.number(6.818_211_905_903_273e-5), "6.8182\\cdot 10^{-5}");
         assert_eq!((Latex.number(7.0).as_str(), typeset("1·10⁻¹²").as_str()), ("7", "1\\cdot 10^{-12}"));
-        assert_eq!((value(-1e-4, 0.01).as_str(), value(-0.01, 0.001).as_str()), ("0.000", "-0.0100"));
+        assert_eq!((value(-1e-4, 0.01).as_str(), value(-0.01, 0.001).as_str()), ("-1\\cdot 10^{-4}", "-0.0100"));
     }
 }

@@ -209,7 +209,7 @@ mod tests {
         let rail = |i: i32| match i {
             0..1200 => 380.0 * (0.05 * f64::from(i)).sin(),
             1200..2400 => 415.0 * (0.04 * f64::from(i)).sin(),
-            _ => 900.0 * (0.04 * f64::from(i - 2400)).sin(),
+            _ => 900.0 * (0.04 * f64::from(i - 2400) - 1.57).sin(),
         };
         let turned: Vec<i32> = (0..2550).map(|i| (rail(i).floor() as i32).clamp(-2000, 400)).collect();
         let found = of(&turned);

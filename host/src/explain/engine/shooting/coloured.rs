@@ -24,9 +24,10 @@ use crate::identify::remeasured::Sensors;
 const BELOW: f64 = 0.9;
 /// Corner over half the sampling rate beyond which a spectrum's upper end shows the noise.
 const WHITE: f64 = 0.6;
-/// Least flatness (by hand: 0.88 to 1.03 of nine smoothed channels of other simulators; 0.17 to
-/// 0.71 of what seven models lacked, 0.85 of one that a random force moved).
-const FLAT: f64 = 0.8;
+/// Least flatness: a spectrum that decays exponentially has 0.81 up to nine tenths of its power,
+/// whatever its rate (0.88 to 1.03 of nine smoothed channels of other simulators; 0.17 to 0.71 of
+/// what seven models lacked, 0.85 of one that a random force moved).
+const FLAT: f64 = 0.85;
 /// Fewest bins up to the corner: of fewer, any spectrum is flat.
 const BINS: usize = 8;
 /// Bins of a window at the lower end that its own state takes.
