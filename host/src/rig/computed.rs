@@ -3,7 +3,7 @@
 //!
 //! The expression is written as those of model files ([`crate::model::model_file::parser`]) over
 //! the names of columns: `+ − * / ^`, parentheses, functions of one argument, `pi`, and besides
-//! `atan2(y, x)`, `atan`, `asin`, `acos` ([`formula`]). A name that is no word stands in braces.
+//! `atan2(y, x)`, `atan`, `asin`, `acos` (`formula`). A name that is no word stands in braces.
 //! Values are taken as they stand in the file, before gain and offset, which are the channel's own.
 //! What comes out is unwrapped as the channel's unit says, like a column.
 

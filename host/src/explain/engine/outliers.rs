@@ -3,8 +3,8 @@
 //! samples one after the other, and no state of a window follows one.
 //!
 //! In units of the noise, with r_i the residual of a sensor at sample i along the windows' fitted
-//! motion and s the greater of 1 and 1.4826 median|r|, sample i is one where |r_i| > [`LIMIT`] s
-//! and |r_i| > [`ALONE`] max(|r_{i−1}|, |r_{i+1}|).
+//! motion and s the greater of 1 and 1.4826 median|r|, sample i is one where |r_i| > `LIMIT` s
+//! and |r_i| > `ALONE` max(|r_{i−1}|, |r_{i+1}|).
 
 use super::setting::Setting;
 use super::state::State;
