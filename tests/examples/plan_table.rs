@@ -16,8 +16,6 @@ use whirl::rig::Rig;
 use whirl::simulate;
 use whirl_tests::repository;
 
-/// The faint ones have twice the standard error that 15 s have.
-///
 /// Why the first record cannot decide, the rig, its record's length in s, the effect that is
 /// hidden, and what it may be taken for.
 const CASES: [(&str, &str, f64, &str, &str); 20] = [
@@ -31,16 +29,16 @@ const CASES: [(&str, &str, f64, &str, &str); 20] = [
     ("locked", "seed", 60.0, "coulomb-friction@joint2=3e-5", "quadratic-drag@arm2"),
     ("locked", "seed", 60.0, "frame-tilt@frame=0.01", "zero-offset@encoder1"),
     ("locked", "seed", 60.0, "torsion-spring@joint1=0.002", "frame-tilt@frame"),
-    ("too short", "chaotic", 8.0, "eccentricity@encoder1=0.004", "zero-offset@encoder1"),
-    ("too short", "chaotic", 8.0, "zero-offset@encoder2=0.01", "eccentricity@encoder2"),
-    ("too short", "chaotic", 8.0, "quadratic-drag@arm2=2e-7", "viscous-friction@joint1"),
-    ("too short", "chaotic", 8.0, "viscous-friction@joint1=3e-5", "quadratic-drag@arm1"),
-    ("too short", "chaotic", 8.0, "coulomb-friction@joint2=3e-5", "quadratic-drag@arm2"),
+    ("too short", "chaotic", 4.0, "eccentricity@encoder1=0.004", "zero-offset@encoder1"),
+    ("too short", "chaotic", 4.0, "zero-offset@encoder2=0.01", "eccentricity@encoder2"),
+    ("too short", "chaotic", 4.0, "quadratic-drag@arm2=2e-7", "viscous-friction@joint1"),
+    ("too short", "chaotic", 4.0, "viscous-friction@joint1=3e-5", "quadratic-drag@arm1"),
+    ("too short", "chaotic", 4.0, "coulomb-friction@joint2=3e-5", "quadratic-drag@arm2"),
     ("too faint", "chaotic", 15.0, "eccentricity@encoder1=0.0003", "zero-offset@encoder1"),
     ("too faint", "chaotic", 15.0, "zero-offset@encoder2=0.0003", "eccentricity@encoder2"),
-    ("too faint", "chaotic", 15.0, "quadratic-drag@arm2=5e-10", "viscous-friction@joint1"),
-    ("too faint", "chaotic", 15.0, "viscous-friction@joint1=1e-6", "quadratic-drag@arm1"),
-    ("too faint", "chaotic", 15.0, "coulomb-friction@joint2=4e-7", "quadratic-drag@arm2"),
+    ("too faint", "chaotic", 15.0, "quadratic-drag@arm2=4e-10", "viscous-friction@joint1"),
+    ("too faint", "chaotic", 15.0, "viscous-friction@joint1=1e-7", "quadratic-drag@arm1"),
+    ("too faint", "chaotic", 15.0, "coulomb-friction@joint2=1e-7", "quadratic-drag@arm2"),
 ];
 
 /// One row.

@@ -16,6 +16,9 @@ const ANGLES: [&str; 19] = [
 ];
 /// Units that an angle may be in, where neither its name nor its values say which.
 pub(super) const UNITS: [&str; 2] = ["rad", "deg"];
+/// Rms step from row to row above which a column is no angle in rad: with noise on it, equations
+/// then fit what they cannot follow.
+const MOST_RADIANS: f64 = 0.5;
 /// Range of whole numbers up to which they may be states or marks rather than counts.
 const MARKS: f64 = 20.0;
 
@@ -194,11 +197,20 @@ fn by_values(seen: &mut Seen, parts: &[&[f64]], e: Extent) {
         seen.why.push(Statement::new(&seen.name, format!("an angle in {unit}"), why));
     } else if called {
         let size = e.low.abs().max(e.high.abs());
-        let unit = if size > 13.0 { "deg" } else { "rad" };
-        (seen.kind, seen.unit, seen.is_unit_open) = (Kind::Angle, unit, true);
-        let why = format!("its name says an angle, and its values go to {}", significant(size, 3));
+        let (unit, moved) = (if size > 13.0 { "deg" } else { "rad" }, rms_step(parts));
+        let is_fast = moved > MOST_RADIANS && unit == "deg";
+        (seen.kind, seen.unit, seen.is_unit_open) = (Kind::Angle, unit, !is_fast);
+        let beside = if is_fast { format!(", by {} a row", significant(moved, 2)) } else { String::new() };
+        let why = format!("its name says an angle, and its values go to {}{beside}", significant(size, 3));
         seen.why.push(Statement::new(&seen.name, format!("an angle in {unit}"), why).unsure());
     }
+}
+
+/// Root of the mean square of what a column moves by from one row to the next.
+fn rms_step(parts: &[&[f64]]) -> f64 {
+    let squares = parts.iter().flat_map(|p| p.windows(2)).map(|w| (w[1] - w[0]).powi(2));
+    let (sum, count) = squares.fold((0.0, 0.0), |(s, n), x| (s + x, n + 1.0));
+    if count > 0.0 { f64::sqrt(sum / count) } else { 0.0 }
 }
 
 /// Whole numbers: counts of an encoder.

@@ -240,8 +240,8 @@ fn an_angle_of_no_known_unit_is_what_the_equations_fit() {
             write!(text, "{}", r[0]).unwrap();
             for (k, name) in names.iter().enumerate() {
                 let count = r[columns.iter().position(|c| c == name).unwrap()];
-                // The fractions of a golden ratio's multiples: no steps are left.
-                let off = ((i as f64 + 0.37 * k as f64) * 0.618_033_988_75).fract() - 0.5;
+                // Noise, so that no steps are left (one that repeats would be a line of a drive).
+                let off = (43_758.545 * (12.9898 * (i + 7919 * k) as f64).sin()).fract().abs() - 0.5;
                 write!(text, ",{:.6}", (count + 0.5 + uneven * off) * per_count).unwrap();
             }
             text.push('\n');

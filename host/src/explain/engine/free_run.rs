@@ -100,8 +100,8 @@ pub fn simulate(
 
 /// Mean square, in units of the noise, of what one simulation leaves of a stretch from sample
 /// `begin` on, to which (at most [`MOST_FREE`] samples) its parameters and initial state are fitted,
-/// and its values; none where the fit does not converge, or where an initial state that is off by the noise is off
-/// by more than [`GROWN`] times that in the end: chaos parts any two motions.
+/// and its values; none where the fit does not converge, or where an initial state that is off by
+/// the noise is off by more than [`GROWN`] times that in the end: chaos parts any two motions.
 pub fn left_of_stretch(
     motion: &EquationsOfMotion,
     parameters: &[f64],

@@ -32,6 +32,10 @@ pub struct Outlier {
     pub size: f64,
 }
 
+/// Least share of the squares above the noise's that they must be: where much else is left, they
+/// decide nothing, and the record is not explained again for them.
+const MUCH: f64 = 0.5;
+
 /// Samples of a series that stand alone: places.
 fn alone(residuals: &[Option<f64>]) -> Vec<usize> {
     let mut sizes: Vec<f64> = residuals.iter().flatten().map(|r| r.abs()).collect();
@@ -43,10 +47,10 @@ fn alone(residuals: &[Option<f64>]) -> Vec<usize> {
     residuals.windows(3).enumerate().filter(|(_, w)| is_alone(w)).map(|(i, _)| i + 1).collect()
 }
 
-/// All of them where the motion was followed; none where there are too many.
+/// All of them where the motion was followed; none where there are too many, or much else is left.
 pub fn find(setting: &Setting<'_>, state: &State) -> Vec<Outlier> {
     let Some(settled) = state.followed.as_ref().and_then(|f| f.settled(setting)) else { return Vec::new() };
-    let mut all = Vec::new();
+    let (mut all, mut theirs, mut above) = (Vec::new(), 0.0, 0.0);
     for (k, stretch) in state.stretches.iter().enumerate() {
         let states: Vec<Option<Vec<f64>>> = (0..stretch.len()).map(|i| settled.at(k, i)).collect();
         for (sensor, shown) in stretch.sensors(&setting.bound).iter().enumerate() {
@@ -62,11 +66,15 @@ pub fn find(setting: &Setting<'_>, state: &State) -> Vec<Outlier> {
                 time_s: stretch.time(i),
                 size: left[i].unwrap_or(0.0) * sigma / setting.rig.channel[channel].scale(),
             };
-            all.extend(alone(&left).into_iter().map(of));
+            let found = alone(&left);
+            theirs += found.iter().filter_map(|i| left[*i]).map(|r| r * r).sum::<f64>();
+            above += left.iter().flatten().map(|r| r * r - 1.0).sum::<f64>();
+            all.extend(found.into_iter().map(of));
         }
     }
     let samples: usize = state.stretches.iter().map(crate::identify::stretches::Stretch::len).sum();
-    if all.len() as f64 > MOST * samples as f64 { Vec::new() } else { all }
+    let few = all.len() as f64 <= MOST * samples as f64;
+    if few && theirs >= MUCH * above { all } else { Vec::new() }
 }
 
 #[cfg(test)]

@@ -93,8 +93,8 @@ impl Simulated {
 }
 
 /// What one simulation of the whole longest stretch leaves, in units of the noise's power, and its
-/// values, where it was followed to its end; none under a drive or measured inputs. Windows have an initial state
-/// each: what shows in how a motion goes on from one to the next they do not see.
+/// values, where it was followed to its end; none under a drive or measured inputs. Windows have an
+/// initial state each: what shows in how a motion goes on from one to the next they do not see.
 pub fn left_of_whole(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<(f64, usize)> {
     if setting.rig.drive.is_some() || !setting.bound.inputs.is_empty() {
         return None;
