@@ -287,6 +287,21 @@ fn confirmed(task: &Task<'_>, best: &Proposal, tick: &(dyn Fn() + Sync)) -> Prop
     if all.is_empty() { best.clone() } else { task.proposal(&best.setting, &all, None) }
 }
 
+/// The share of motions that are chaotic at a setting: of `draws` of a model's parameters, by their
+/// standard errors, and of initial states. None for a free system.
+///
+/// # Errors
+/// A model of another rig, a setting that the rig cannot have.
+pub fn chaotic_share(
+    rig: &Rig,
+    model: &IdentifiedModel,
+    setting: &Setting,
+    seed: u64,
+    draws: usize,
+) -> Result<Option<Share>> {
+    trial::share(&moved::at(rig, model, &setting.clone().on(rig))?, seed, draws)
+}
+
 /// Refuses a rig with a measured input: a plan proposes drives and poses, and what an input will do
 /// in the next record it does not know.
 ///

@@ -34,24 +34,32 @@ fn bessel_i0(x: f64) -> f64 {
     sum
 }
 
+/// Samples, and `beyond` more on either side, which continue them point-symmetrically.
+fn continued(samples: &[f64], beyond: usize) -> Vec<f64> {
+    let (n, last) = (samples.len() as i64, samples.len() as i64 - 1);
+    let at = |i: i64| match samples {
+        [] => 0.0,
+        [first, ..] if i < 0 => 2.0 * first - samples[(-i).min(last) as usize],
+        [.., end] if i > last => 2.0 * end - samples[(2 * last - i).max(0) as usize],
+        _ => samples[i as usize],
+    };
+    (-(beyond as i64)..n + beyond as i64).map(at).collect()
+}
+
+/// Sums of samples under the weights of every phase: side by side, each in the samples' order.
+fn weighted(kernel: &[[f64; FINE]], samples: &[f64]) -> [f64; FINE] {
+    let mut out = [0.0; FINE];
+    for (w, x) in kernel.iter().zip(samples) {
+        out.iter_mut().zip(w).for_each(|(o, w)| *o += w * x);
+    }
+    out
+}
+
 impl BandLimited {
     /// Takes samples from `start_s` on, `step_s` apart.
     pub fn new(samples: &[f64], start_s: f64, step_s: f64) -> Self {
-        let n = samples.len();
-        let at = |i: i64| -> f64 {
-            let last = n as i64 - 1;
-            if n == 0 {
-                0.0
-            } else if i < 0 {
-                2.0 * samples[0] - samples[(-i).min(last) as usize]
-            } else if i > last {
-                2.0 * samples[n - 1] - samples[(2 * last - i).max(0) as usize]
-            } else {
-                samples[i as usize]
-            }
-        };
         // Weights for each phase of the fine grid, over the samples −HALF+1 … HALF around.
-        let kernels: Vec<Vec<f64>> = (0..FINE)
+        let phases: Vec<Vec<f64>> = (0..FINE)
             .map(|phase| {
                 let mut w: Vec<f64> = (0..2 * HALF)
                     .map(|k| {
@@ -70,14 +78,10 @@ impl BandLimited {
                 w
             })
             .collect();
+        let kernel: Vec<[f64; FINE]> = (0..2 * HALF).map(|k| core::array::from_fn(|p| phases[p][k])).collect();
         // Three more samples on either side for the polynomial.
-        let fine = (-3..n as i64 + 3)
-            .flat_map(|i| {
-                kernels.iter().map(move |w| {
-                    w.iter().enumerate().map(|(k, w)| w * at(i + k as i64 - (HALF as i64 - 1))).sum::<f64>()
-                })
-            })
-            .collect();
+        let around = continued(samples, 3 + HALF);
+        let fine = around.windows(2 * HALF).skip(1).flat_map(|x| weighted(&kernel, x)).collect();
         Self { start_s, rate: FINE as f64 / step_s, fine }
     }
 

@@ -5,8 +5,10 @@
 /// `out` holds the solutions likewise. False where it is singular or not finite.
 pub fn solve(a: &mut [f64], n: usize, sides: usize, out: &mut [f64]) -> bool {
     let w = n + sides;
-    if n == 2 {
-        return solve_two(a, sides, out);
+    match n {
+        1 => return solve_one(a, sides, out),
+        2 => return solve_two(a, sides, out),
+        _ => {}
     }
     let size = a.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
     if !a.iter().all(|x| x.is_finite()) || size == 0.0 {
@@ -41,6 +43,13 @@ pub fn solve(a: &mut [f64], n: usize, sides: usize, out: &mut [f64]) -> bool {
         row.iter_mut().for_each(|x| *x /= pivot);
     }
     out[..n * sides].iter().all(|x| x.is_finite())
+}
+
+/// The same of one row.
+fn solve_one(a: &[f64], sides: usize, out: &mut [f64]) -> bool {
+    let pivot = a[0];
+    out[..sides].iter_mut().zip(&a[1..]).for_each(|(x, b)| *x = b / pivot);
+    pivot != 0.0 && pivot.is_finite() && out[..sides].iter().all(|x| x.is_finite())
 }
 
 /// The same of two rows: [`solve`] without its loops, which are most of the work there.
