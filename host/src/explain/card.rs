@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::explanation::Found;
-use super::gap::Miss;
+use super::gap::{AtHorizon, Miss};
 use super::reason::{Criterion, Reason};
 use super::{DecidedBy, Explanation, Step, Verdict};
 use crate::effects::text_of;
@@ -54,6 +54,9 @@ const NOISE: &str = " times the sensors' noise";
 /// Power over that of the noise from which its limit is not told.
 const FAR: f64 = 1e4;
 
+/// Times its limit up to which what decides is little beside the noise (by hand).
+const LITTLE: f64 = 1.5;
+
 /// How far predictions miss, in a sentence.
 fn told(miss: &Miss) -> String {
     match miss {
@@ -79,10 +82,13 @@ fn sentence(e: &Explanation) -> String {
         .collect();
     let found = if found.len() > 1 { found.join("; ") } else { found.concat() };
     let steps = &e.gap.steps;
-    let over = format!("predictions over {} s", shortest(rounded(e.gap.horizon_s, 4)));
-    let change = match (steps.first(), steps.last()) {
-        (Some(first), Some(last)) if steps.len() > 1 => {
-            let (before, after) = (e.gap.miss(first.value), e.gap.miss(last.value));
+    let over = |horizon_s: f64| format!("predictions over {} s", shortest(rounded(horizon_s, 4)));
+    // What was fitted again is not told as a change where nothing is missing.
+    let changed = e.gap.telling().filter(|_| steps.len() > 1 && e.verdict != Verdict::NothingMissing);
+    let change = match (changed, steps.last()) {
+        (Some(AtHorizon { horizon_s, before, after }), _) => {
+            let over = over(horizon_s);
+            let (before, after) = (e.gap.miss_beside(before, after), e.gap.miss_beside(after, before));
             // The same words are not said twice.
             let before = match (&before, &after) {
                 (Miss::Floors(_), Miss::Floors(_)) | (Miss::Own { .. }, Miss::Own { .. }) => before.number(),
@@ -90,7 +96,7 @@ fn sentence(e: &Explanation) -> String {
             };
             format!("{over} miss by {} instead of {before}", told(&after))
         }
-        (_, Some(last)) => format!("{over} miss by {}", told(&e.gap.miss(last.value))),
+        (_, Some(last)) => format!("{} miss by {}", over(e.gap.horizon_s), told(&e.gap.miss(last.value))),
         _ => String::new(),
     };
     match e.verdict {
@@ -106,7 +112,12 @@ fn sentence(e: &Explanation) -> String {
             // A shape that is the reason is not said twice.
             let said = number.is_none() && matches!(e.reason, Reason::Shape { .. });
             let shape = e.unknown.as_ref().filter(|_| !said).map_or_else(String::new, |u| format!("; {}", u.told()));
-            format!("Something is missing that has no name in the list of effects: {why}{shape}.{far}")
+            let little = number.filter(|d| d.value < LITTLE * d.limit);
+            let little =
+                little.map_or("", |_| " It is little beside the noise: a longer or quieter record may name it.");
+            format!(
+                "Something is missing for which no name was found in the list of effects: {why}{shape}.{little}{far}"
+            )
         }
         Verdict::NotDecidable => {
             let why = e.reason.to_string();
@@ -241,150 +252,5 @@ fn undecided(e: &Explanation) -> Vec<String> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::engine::unknown::Unknown;
-    use super::super::explanation::InUnit;
-    use super::super::reason::{Patch, Residual, Undecidable};
-    use super::*;
-
-    fn explained() -> Explanation {
-        let mut e = Explanation::new(0.2, Vec::new());
-        e.verdict = Verdict::Explained;
-        let mut found = Found::empty("quadratic-drag", "arm2", "N m s²".to_owned());
-        (found.value, found.std_error) = (2e-7, 2e-11);
-        found.confirm = "repeat with a paper sail".to_owned();
-        found.indistinguishable_from = vec!["viscous-friction@joint1".to_owned()];
-        e.effects.push(found);
-        let step = |added: Option<&str>, value| Step { added: added.map(str::to_owned), value };
-        e.gap.floor_in = Some(InUnit { value: 0.02, unit: "°".to_owned() });
-        e.gap.steps = vec![step(None, 4.5), step(Some("quadratic-drag@arm2"), 1.0)];
-        let p = |value, std_error| Parameter { name: "C2".to_owned(), value, std_error, unit: "1".to_owned() };
-        e.parameters = vec![p(0.048493, 5.6e-6)];
-        e.parameters_before = vec![p(0.05455, 4e-5)];
-        e
-    }
-
-    fn rig() -> Rig {
-        Rig::parse(include_str!("../../../rigs/chaotic.toml"), Path::new("rig.toml")).unwrap()
-    }
-
-    #[test]
-    fn the_sentence_says_what_and_by_how_much() {
-        let card = card(&explained(), &rig());
-        assert_eq!(
-            card.verdict,
-            "The model lacks quadratic drag on arm 2, (2.0000 ± 0.0004)·10⁻⁷ N m s² (± is 95 %); with it, predictions over 0.2 s miss by 1.00 times \
-             the sensors' noise instead of 4.50, and nothing but noise is left."
-        );
-        let mut share = explained();
-        "1".clone_into(&mut share.effects[0].unit);
-        let told = super::card(&share, &rig()).verdict;
-        assert!(told.contains("on arm 2, (2.0000 ± 0.0004)·10⁻⁷ (± is 95 %); with it"), "{told}");
-        let row = &card.parameters[0];
-        assert_eq!((row.before, row.after, row.unit.as_str()), (Some((0.05455, 4e-5)), (0.048493, 5.6e-6), ""));
-        assert!(row.plain.contains("viscous friction in joint 2"));
-        let labels: Vec<&str> = card.gap.1.iter().map(|b| b.label.as_str()).collect();
-        assert_eq!(labels, ["4.50 noise floors, 0.0900°", "1.00 noise floors, 0.0200°"]);
-        assert_eq!(card.confirm, ["Quadratic drag on arm 2: repeat with a paper sail."]);
-        let told = "from viscous friction in joint 1: the laboratory test of each does (`whirl list effects --show ID` prints it, ID being \
-                    quadratic-drag, viscous-friction).";
-        assert!(card.undecided[0].ends_with(told), "{:?}", card.undecided);
-    }
-
-    fn residual() -> Residual {
-        Residual { power: 0.99, own: None, horizon_s: 0.2, gap: Miss::Floors(1.0), longer: None, whole: None }
-    }
-
-    fn shape(at: &str) -> Unknown {
-        Unknown {
-            at: at.to_owned(),
-            against: "angle of joint2".to_owned(),
-            against_unit: "rad",
-            unit: "N m".to_owned(),
-            points: Vec::new(),
-            held_out_gain: 0.02,
-        }
-    }
-
-    fn open(what: Criterion, value: f64, reason: Reason) -> Explanation {
-        let mut e = explained();
-        (e.verdict, e.reason) = (Verdict::Unexplained, reason);
-        e.decided_by = Some(DecidedBy { what, value, limit: 1.3 });
-        e
-    }
-
-    #[test]
-    fn an_open_verdict_tells_the_number_that_decided_it() {
-        let excess = || Reason::Excess { residual: residual(), shape: None };
-        for (what, value, words) in [
-            (
-                Criterion::Gap { horizon_s: 0.4 },
-                2.11,
-                "predictions over 0.4000 s miss by 2.11 times the sensors' noise (up to 1.30 would be noise).",
-            ),
-            (
-                Criterion::Power,
-                2.11,
-                "what is left has 2.11 times the power of the sensors' noise (up to 1.30 would be noise).",
-            ),
-            (Criterion::PowerOfWhole, 1e6, "what is left is far above the sensors' noise (1000 times, rms)."),
-        ] {
-            let told = card(&open(what, value, excess()), &rig()).verdict;
-            assert!(told.contains(words), "{told}");
-        }
-        // Where no number is above its limit none is given as the cause.
-        let reason = Reason::Shape { residual: residual(), shape: shape("joint2") };
-        let mut e = open(Criterion::Gap { horizon_s: 0.2 }, 1.0, reason);
-        e.unknown = Some(shape("joint2"));
-        let told = card(&e, &rig()).verdict;
-        assert!(told.contains("a torque at joint2 that depends on") && !told.contains("0.99"), "{told}");
-        assert_eq!(told.matches("joint2 takes away").count(), 1, "{told}");
-        let effects = vec!["backlash".to_owned(), "cogging".to_owned()];
-        let patch = Patch { place: "joint2".to_owned(), effects, is_bend: false };
-        e.reason = Reason::Patched { residual: residual(), patch };
-        let told = card(&e, &rig()).verdict;
-        assert!(
-            told.contains(": it took backlash, cogging to get there: one shape of joint2's position")
-                && !told.contains("0.99"),
-            "{told}"
-        );
-        assert!(told.contains("; a torque at joint2 that depends on the angle of joint2 takes away 2.0 %"), "{told}");
-    }
-
-    /// Names and units are the user's: one that reads like a piece of a sentence is told whole.
-    #[test]
-    fn the_card_goes_by_values_and_not_by_words() {
-        let name = "x, but y: no effect of the list accounts for it";
-        let reason = Reason::Shape { residual: residual(), shape: shape(name) };
-        let told = card(&open(Criterion::Power, 1.0, reason), &rig()).verdict;
-        assert!(told.contains(&format!("effects: a torque at {name} that depends on")), "{told}");
-        let patch = Patch { place: name.to_owned(), effects: vec!["gap over 1 s, cogging".to_owned()], is_bend: false };
-        let told = card(&open(Criterion::Power, 1.0, Reason::Patched { residual: residual(), patch }), &rig()).verdict;
-        assert!(
-            told.contains(&format!("effects: it took gap over 1 s, cogging to get there: one shape of {name}'s")),
-            "{told}"
-        );
-        let mut e = explained();
-        e.gap.floor_in = Some(InUnit { value: 0.5, unit: "noise floors".to_owned() });
-        (e.gap.steps[0].value, e.gap.steps[1].value) = (800.0, 400.0);
-        let card = card(&e, &rig());
-        let words = "miss by 200 noise floors (the sensors' noise is 0.500 noise floors) instead of 400 noise floors,";
-        assert!(card.verdict.contains(words), "{}", card.verdict);
-        let labels: Vec<&str> = card.gap.1.iter().map(|b| b.label.as_str()).collect();
-        assert_eq!(labels, ["400 noise floors", "200 noise floors"]);
-    }
-
-    #[test]
-    fn what_cannot_be_decided_has_no_numbers() {
-        let mut e = explained();
-        (e.verdict, e.reason) = (Verdict::NotDecidable, Reason::Undecidable(Undecidable::Locked));
-        e.effects.clear();
-        let card = card(&e, &rig());
-        assert_eq!(
-            card.verdict,
-            "This record cannot decide what the model lacks: the motion repeats (locked to the drive): one orbit cannot tell effects apart. \
-             Change the drive until the motion is chaotic."
-        );
-        assert!(card.parameters.is_empty() && card.gap.1.is_empty() && card.equations.is_none());
-    }
-}
+#[path = "card_tests.rs"]
+mod tests;

@@ -5,8 +5,8 @@ use super::explanation::{AtHorizon, DecidedBy, Explanation, Verdict};
 use super::reason::{Criterion, OwnRecords, Patch, Reason, Residual, Undecidable};
 use crate::inspect::InspectSettings;
 use crate::inspect::motion;
-use crate::inspect::periodicity::{Kind, periodicity};
-use crate::record::Record;
+use crate::inspect::periodicity::{Kind, Periodicity, periodicity};
+use crate::record::{Record, Segment};
 use crate::rig::Rig;
 use crate::warning::Warning;
 
@@ -51,24 +51,36 @@ pub(super) fn unplaced() -> Explanation {
     result
 }
 
-/// Whether most of a record repeats. It is the motion that is looked at, not the residuals: those
-/// of a wrong model repeat wherever the motion comes back near an earlier state.
-pub(super) fn locked(record: &Record, rig: &Rig) -> bool {
-    let Some(drive) = rig.drive else { return false };
+/// How the longest stretch of a driven record repeats, and that stretch. It is the motion that is
+/// looked at, not the residuals: those of a wrong model repeat wherever the motion comes back near
+/// an earlier state.
+fn repeats<'a>(record: &'a Record, rig: &Rig) -> Option<(Periodicity, &'a Segment)> {
+    let drive = rig.drive?;
     let motions = motion::motions(record);
-    let longest = record.segments.iter().enumerate().max_by_key(|(_, s)| s.len());
-    let Some((index, segment)) = longest else { return false };
+    let (index, segment) = record.segments.iter().enumerate().max_by_key(|(_, s)| s.len())?;
     let rate = record.sample_rate_hz;
     let tolerance = InspectSettings::default().period_tolerance;
-    let found = periodicity(&motions, index, Some(rate / drive.frequency_hz), rate, tolerance);
+    Some((periodicity(&motions, index, Some(rate / drive.frequency_hz), rate, tolerance), segment))
+}
+
+/// Whether most of a record repeats.
+pub(super) fn locked(record: &Record, rig: &Rig) -> bool {
+    let Some((found, segment)) = repeats(record, rig) else { return false };
     match found.kind {
         Kind::AtRest | Kind::Periodic => true,
         Kind::LocksLater => {
-            let length = segment.len() as f64 / rate;
+            let length = segment.len() as f64 / record.sample_rate_hz;
             found.locked_after_s.is_some_and(|after| after < (1.0 - LOCKED_SHARE) * length)
         }
         Kind::ChaoticOrTransient | Kind::Free => false,
     }
+}
+
+/// Time, s, from which a record repeats that had not before; none for any other.
+pub(super) fn freely_until_s(record: &Record, rig: &Rig) -> Option<f64> {
+    let (found, segment) = repeats(record, rig)?;
+    let after_s = found.locked_after_s.filter(|_| found.kind == Kind::LocksLater)?;
+    Some(segment.start_s + after_s)
 }
 
 /// Power up to which nothing counts as left beside records of the model's own with that mean power,

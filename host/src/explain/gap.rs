@@ -138,6 +138,9 @@ impl Display for Miss {
     }
 }
 
+/// How many times nearer predictions come where that is told of the gap's own horizon (by hand).
+const CLEARLY: f64 = 2.0;
+
 /// Noise floors up to which a gap is told in them.
 const MANY_FLOORS: f64 = 100.0;
 
@@ -154,11 +157,30 @@ impl Gap {
         self.floor_in.as_ref().map_or_else(String::new, InUnit::noise)
     }
 
+    /// The gap before and after at the horizon at which the change shows most, where at the gap's own
+    /// it is less than [`CLEARLY`]: what adds up slowly is no more than the noise over a short one.
+    pub(super) fn telling(&self) -> Option<AtHorizon> {
+        let [first, last] = [self.steps.first()?, self.steps.last()?].map(|s| s.value);
+        let own = AtHorizon { horizon_s: self.horizon_s, before: first, after: last };
+        let ratio = |h: &AtHorizon| h.before / h.after;
+        let longer = self.horizons.iter().filter(|h| ratio(h).is_finite() && !self.diverged(h.before));
+        let best = longer.max_by(|a, b| ratio(a).total_cmp(&ratio(b))).filter(|h| ratio(h) > ratio(&own));
+        Some(*best.filter(|_| ratio(&own) < CLEARLY).unwrap_or(&own))
+    }
+
     /// How far predictions with this gap miss.
     pub fn miss(&self, value: f64) -> Miss {
+        self.miss_beside(value, value)
+    }
+
+    /// The same beside another gap, in a unit in which both say something.
+    pub(super) fn miss_beside(&self, value: f64, other: f64) -> Miss {
+        let is_many = value.max(other) > MANY_FLOORS && !self.diverged(other);
         match &self.floor_in {
             _ if self.diverged(value) => Miss::Diverged,
-            Some(floor) if value > MANY_FLOORS => Miss::Own { value: value * floor.value, floor: floor.clone() },
+            Some(floor) if is_many || value > MANY_FLOORS => {
+                Miss::Own { value: value * floor.value, floor: floor.clone() }
+            }
             _ => Miss::Floors(value),
         }
     }

@@ -25,6 +25,7 @@ pub mod engine;
 mod explanation;
 pub mod gap;
 pub mod ledger;
+mod locking;
 mod outlying;
 pub mod presentation;
 pub mod ranking;
@@ -98,7 +99,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
             Ok(found) => found,
         }
     } else {
-        outlying::explain(records, rig, settings)?
+        locking::explain(records, rig, settings)?
     };
     // What is missing bends quantities as well: where effects explain the record, or nothing would
     // even if nothing were known, it is a remark.

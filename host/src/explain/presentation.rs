@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::engine::attractor::{Attractor, TOLERANCE_DEG};
+use super::engine::attractor::{Attractor, LONGEST, TOLERANCE_DEG};
 use super::engine::residual_map::Where;
 use super::{Explanation, Step, Verdict};
 use crate::report::card::Card;
@@ -30,6 +30,9 @@ fn rests_on(e: &Explanation) -> String {
         );
     }
     if let Some(before) = e.gap.attractor.first() {
+        // Predictions are no longer than that.
+        let longest = LONGEST * e.gap.horizon_s;
+        let stays = |s: f64| format!("{}{}", if s > 0.99 * longest { "at least " } else { "" }, significant(s, 3));
         let both = |f: &dyn Fn(&Attractor) -> Option<f64>| -> String {
             let values: Vec<String> = e.gap.attractor.iter().filter_map(f).map(|v| significant(v, 3)).collect();
             values.join(" → ")
@@ -37,12 +40,12 @@ fn rests_on(e: &Explanation) -> String {
         let _ = writeln!(
             out,
             "free predictions stay within {TOLERANCE_DEG}° for {} s (median)",
-            both(&|a| Some(a.prediction_horizon_s))
+            e.gap.attractor.iter().map(|a| stays(a.prediction_horizon_s)).collect::<Vec<_>>().join(" → ")
         );
         if before.section_distance.is_some() {
             let _ = writeln!(
                 out,
-                "distance between the Poincaré sections of model and record: {} (energy distance; by chance with probability {})",
+                "distance between the Poincaré sections of model and record: {} (energy distance; as much by chance with probability {}: below 0.05 they differ)",
                 both(&|a| a.section_distance),
                 both(&|a| a.section_p_value)
             );

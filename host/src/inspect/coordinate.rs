@@ -155,7 +155,7 @@ pub fn describe(
         turns_per_period: drive_hz.filter(|_| angle && seconds > 0.0).map(|f| net / (seconds * f)),
         beyond_90: angle.then_some(beyond),
         step: motion.step,
-        quantisation_noise: motion.step / 12f64.sqrt(),
+        quantisation_noise: motion.quantisation_noise,
         noise,
         slope_half_width: m,
         spectrum,
@@ -258,6 +258,7 @@ mod tests {
             space: Space::S1,
             derived: false,
             step: 0.0,
+            quantisation_noise: 0.0,
             stretches: vec![x],
         }
     }

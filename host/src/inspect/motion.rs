@@ -39,6 +39,8 @@ pub struct Motion {
     pub derived: bool,
     /// Quantisation step in the SI unit, 0 where there is none.
     pub step: f64,
+    /// What counting in these steps alone leaves, rms: of a sum the root of the sum of squares.
+    pub quantisation_noise: f64,
     /// One unwrapped series for each segment of the record.
     pub stretches: Vec<Vec<f64>>,
 }
@@ -107,12 +109,14 @@ pub fn motions(record: &Record) -> Vec<Motion> {
                 x
             })
             .collect();
+        let step = quantisation_step(&parts, channel.step());
         all.push(Motion {
             name: channel.measures.clone(),
             unit: channel.si_unit().to_owned(),
             space: if angle { Space::S1 } else { Space::R },
             derived: false,
-            step: quantisation_step(&parts, channel.step()),
+            step,
+            quantisation_noise: step / 12f64.sqrt(),
             stretches,
         });
     }
@@ -129,6 +133,7 @@ pub fn motions(record: &Record) -> Vec<Motion> {
             space: Space::S1,
             derived: true,
             step: before.step.max(relative.step),
+            quantisation_noise: before.quantisation_noise.hypot(relative.quantisation_noise),
             stretches: sum.map(|(a, b)| a.iter().zip(b).map(|(a, b)| a + b).collect()).collect(),
         };
         all.push(derived);
@@ -246,8 +251,15 @@ mod tests {
         let step = TAU / 4096.0;
         let x: Vec<f64> =
             (0..5000).map(|n| ((3.0 * (0.031 * f64::from(n)).sin() / step).floor() + 0.5) * step).collect();
-        let motion =
-            Motion { name: "x".into(), unit: "rad".into(), space: Space::S1, derived: false, step, stretches: vec![x] };
+        let motion = Motion {
+            name: "x".into(),
+            unit: "rad".into(),
+            space: Space::S1,
+            derived: false,
+            step,
+            quantisation_noise: step / 12f64.sqrt(),
+            stretches: vec![x],
+        };
         let ratio = motion.noise() / (step / 12f64.sqrt());
         assert!((0.85..1.1).contains(&ratio), "{ratio}");
     }

@@ -146,6 +146,7 @@ mod tests {
             space: Space::S1,
             derived: false,
             step: 0.0015,
+            quantisation_noise: 4e-4,
             stretches: vec![x],
         }
     }

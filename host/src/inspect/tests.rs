@@ -236,6 +236,7 @@ fn a_sensor_that_counts_is_told_from_the_last_digit_of_a_file() {
         space,
         derived: false,
         step,
+        quantisation_noise: step / 12f64.sqrt(),
         stretches: Vec::new(),
     };
     let channel = |unit: &str| crate::rig::Channel::new("x", unit);

@@ -96,6 +96,9 @@ impl PhaseSpace {
     }
 }
 
+/// Share of its first motion below which a free one dies away (by hand).
+const DIED: f64 = 0.5;
+
 /// A piece of a record that is used: samples from … to − 1 of a segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Piece {
@@ -235,6 +238,25 @@ impl Survey<'_> {
         }
     }
 
+    /// Whether the record's last third moves less than [`DIED`] of its first, by the path that all
+    /// coordinates go in a sample.
+    fn dies_away(&self) -> bool {
+        let path = |x: &[f64]| x.windows(2).map(|w| (w[1] - w[0]).abs()).sum::<f64>();
+        let third = |k: usize| -> f64 {
+            let of = |c: &MovingCoordinate<'_>| {
+                let whole: f64 = c.pieces.iter().map(|p| path(p)).sum();
+                let n = c.pieces.iter().map(Vec::len).sum::<usize>();
+                let part: f64 = match &c.pieces[..] {
+                    [one] => path(&one[k * n / 3..(k + 1) * n / 3]),
+                    all => all[k * all.len() / 3..(k + 1) * all.len() / 3].iter().map(|p| path(p)).sum(),
+                };
+                if whole > 0.0 { part / whole } else { 0.0 }
+            };
+            self.moving.iter().map(of).sum()
+        };
+        third(2) < DIED * third(0)
+    }
+
     /// Exponent and correlation dimension, of all coordinates together.
     fn exponent_and_dimension(&self, stretches: &[Trajectory<'_>], out: &mut PhaseSpace) {
         let phase = self.period.map(|t| phase_of(stretches, t));
@@ -244,7 +266,10 @@ impl Survey<'_> {
         let e = state.embedding(delays, out.delay, 0, self.settings.most_vectors);
         let noise = self.moving.iter().zip(&self.observables).map(|(c, o)| c.inspected.noise / o.unit);
         let noise = 3.0 * noise.fold(0.0, f64::max);
-        out.correlation_dimension = Some(correlation_dimension(&e, out.theiler, 1000, noise));
+        // What dies away has no attractor to have a dimension.
+        if self.period.is_some() || !self.dies_away() {
+            out.correlation_dimension = Some(correlation_dimension(&e, out.theiler, 1000, noise));
+        }
     }
 
     /// The catalogue of orbits, of a driven or a free record.

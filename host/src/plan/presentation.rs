@@ -97,8 +97,14 @@ pub fn line(plan: &Plan) -> Option<String> {
         s.deviations,
         alone(s.draws)
     );
-    if let Some(there) = plan.unchanged.as_ref().and_then(nearest) {
-        let _ = write!(out, "; as it is set now, in the same time, {:.1}{}", there.deviations, alone(there.draws));
+    match plan.unchanged.as_ref() {
+        Some(there) if there.setting == best.setting => out.push_str("; it is set so now"),
+        there => {
+            if let Some(there) = there.and_then(nearest) {
+                let told = format!("{:.1}{}", there.deviations, alone(there.draws));
+                let _ = write!(out, "; as it is set now, in the same time, {told}");
+            }
+        }
     }
     Some(out)
 }
@@ -160,7 +166,8 @@ pub fn human(plan: &Plan) -> String {
     }
     let _ = writeln!(out, "\nWhat a record of {} there would tell ({})", length(best.seconds), rests_on(best.draws));
     proposal(&mut out, best, &plan.goals.tell);
-    if let Some(now) = &plan.unchanged {
+    // What is proposed may be what is set: further draws have told more of it than the one here.
+    if let Some(now) = plan.unchanged.as_ref().filter(|now| now.setting != best.setting) {
         let _ =
             writeln!(out, "\nAs it is set now ({}), in the same time ({})", setting(&now.setting), rests_on(now.draws));
         proposal(&mut out, now, &plan.goals.tell);

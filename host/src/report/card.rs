@@ -198,7 +198,7 @@ impl Card {
     }
 
     fn has_before(&self) -> bool {
-        self.parameters.iter().any(|p| p.before.is_some())
+        self.parameters.iter().any(|p| p.before.is_some_and(|before| before != p.after))
     }
 
     fn table(&self, out: &mut String) {
@@ -332,6 +332,9 @@ fn equation(body: &mut Html, e: &WrittenEquation) {
     body.0.push_str(&format!("<p class=equation>{}{}</p>\n", side(&e.left, ""), right.trim_end()));
 }
 
+/// How much longer than what its initial state is fitted to a prediction is that runs on freely.
+const RUNS_ON: f64 = 1.05;
+
 /// Measured and predicted over the same seconds, and how far the predictions are off.
 fn picture(p: &Compared) -> Figure {
     let symbol = symbol_svg(&p.measures);
@@ -355,9 +358,14 @@ fn picture(p: &Compared) -> Figure {
         let label = if panel.shares_x { String::new() } else { "initial state fitted up to here".to_owned() };
         panel.rules.push(Rule { vertical: true, at: p.fitted_s, label });
     }
+    let runs_on = if p.t.last().is_some_and(|last| *last > RUNS_ON * p.fitted_s) {
+        "and then runs on freely"
+    } else {
+        "and ends with it: this record holds no longer part that was not fitted"
+    };
     let caption = format!(
         "Measured, and predicted of the same seconds (from {} s of the record on, where a part begins that was not fitted). Each prediction has an initial \
-         state fitted to the first {} s and then runs on freely.",
+         state fitted to the first {} s {runs_on}.",
         // What rounding leaves of 0 is 0.
         significant((1e9 * p.from_s).round() / 1e9, 4),
         significant(p.fitted_s, 2)

@@ -47,7 +47,7 @@ pub(super) fn checks(v: &Validation) -> Vec<Check> {
             "poincare-section",
             p >= SECTIONS_DIFFER,
             format!(
-                "sections as different as these come by chance with probability {p:.3} (least of {} phases)",
+                "sections as different as these come by chance with probability {p:.3} (the least of {} phases\u{2019} probabilities, times their number)",
                 tests.len()
             ),
         );

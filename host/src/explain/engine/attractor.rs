@@ -19,7 +19,7 @@ use crate::validate::energy_distance::energy_test;
 /// Angle by which a prediction may be off, degrees.
 pub const TOLERANCE_DEG: f64 = 30.0;
 /// Longest prediction, in horizons of the gap.
-const LONGEST: f64 = 60.0;
+pub const LONGEST: f64 = 60.0;
 /// Seed of the permutation test.
 const SEED: u64 = 1;
 /// Samples to either side over which velocities of a section are taken.

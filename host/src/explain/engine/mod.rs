@@ -35,6 +35,7 @@
 //! | `relaxation` | how far inertias go from round to round |
 //! | `tell`, `units` | values, units, the model |
 //! | `tones` | frequencies of what runs in the laboratory's time |
+//! | `fast_tones` | those above the low-pass |
 //! | `unknown` | the shape of what has no name |
 
 pub mod attractor;
@@ -46,6 +47,7 @@ pub mod design;
 mod evidence;
 mod exchange;
 pub mod expected;
+mod fast_tones;
 mod followed_on;
 mod forecast;
 mod frames;

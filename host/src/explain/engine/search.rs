@@ -225,7 +225,8 @@ impl Run<'_> {
             return None;
         }
         // One that was refused beside a model which lacked others may be right in the place of one.
-        let taken = |c: &Candidate| search.has(&self.setting, &self.told.state, c, &search.vain);
+        let never = [&search.vain[..], &search.traces].concat();
+        let taken = |c: &Candidate| search.has(&self.setting, &self.told.state, c, &never);
         let Exchange { gone, index, fit, p_value, promised, share, twins } =
             exchange::best(&self.setting, &self.told.state, outcome, &taken, &self.told.result.effects)?;
         search.exchanges += 1;
@@ -252,6 +253,7 @@ impl Run<'_> {
             let refused = Refused::new(&gone, why);
             // It is not tried again beside whatever takes its place.
             search.tried.extend([gone.clone(), gone.clone()]);
+            search.traces.push(gone.clone());
             self.told.result.refuse([refused.clone()]);
             search.refused.push(refused);
             self.told.state.stretches = self.told.state.taken_off(&self.setting, &self.setting.raw);
@@ -301,6 +303,9 @@ pub(super) struct Search {
     kept: Option<Before>,
     /// Effects that were no better in the place of another.
     vain: Vec<String>,
+    /// Effects that were nothing beside what was found after them: in the place of that they would
+    /// come back, and go again.
+    traces: Vec<String>,
     /// Exchanges that were tried.
     exchanges: usize,
 }

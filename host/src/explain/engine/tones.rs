@@ -18,8 +18,8 @@ use super::candidates::Candidate;
 use super::evidence::{Evidence, Outcome};
 use super::prediction::Range;
 use super::setting::{Lines, Setting};
-use super::shooting;
 use super::state::State;
+use super::{fast_tones, shooting};
 use crate::effects::entry::Entry;
 
 /// Spacing of the columns' frequencies and of the search between them, in units of one over a
@@ -97,7 +97,7 @@ pub fn candidates(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> (V
         }
     }
     if lines.is_empty() {
-        return none;
+        return fast_tones::candidates(setting, state, &of, &looks);
     }
     (of(lines), (tests * FINE).max(1.0))
 }

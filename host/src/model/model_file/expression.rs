@@ -164,7 +164,8 @@ pub fn multiple(a: &Node, b: &Node) -> Option<f64> {
             Symbol::Acceleration(i) => wave(3.1, k + 1.3, i),
             Symbol::Input(i) => wave(1.3, k + 2.1, i),
             Symbol::Memory(i) => wave(1.1, k + 2.9, i),
-            _ => 0.4 + 0.1 * k,
+            // Times unevenly apart, lest a tone be the same at all of them.
+            _ => 0.4 + 0.7 * (0.618_034 * k * k).fract(),
         })
     };
     let ratios: Vec<f64> = (0..8).map(|k| at(a, f64::from(k)) / at(b, f64::from(k))).collect();

@@ -65,7 +65,9 @@ fn table(body: &mut Html, coordinates: &[Coordinate]) {
         ("net turns a drive period", &|c| c.turns_per_period.map(|t| fixed(t, 4))),
         ("time beyond ±90°", &|c| c.beyond_90.map(|b| format!("{} %", fixed(100.0 * b, 1)))),
         ("quantisation step q", &|c| (c.step > 0.0).then(|| quantity(c.step, &c.unit, 3))),
-        ("noise of steps alone, q/√12", &|c| (c.step > 0.0).then(|| quantity(c.quantisation_noise, &c.unit, 3))),
+        ("noise of steps alone (q/√12; of a sum, of all its parts)", &|c| {
+            (c.step > 0.0).then(|| quantity(c.quantisation_noise, &c.unit, 3))
+        }),
         ("noise, estimated (white)", &|c| Some(quantity(c.noise, &c.unit, 3))),
         ("99 % of the power below", &|c| c.spectrum.as_ref().map(|s| quantity(s.band_hz, "Hz", 3))),
     ];

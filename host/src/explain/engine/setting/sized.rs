@@ -218,6 +218,9 @@ pub struct Lines {
     pub of_frame: Vec<f64>,
 }
 
+/// How far beyond a line its frequency may be refined (by hand).
+const BEYOND: f64 = 1.1;
+
 /// An entry whose forms are those of some lines, where it takes them from there.
 pub fn with_lines(entry: Arc<Entry>, lines: &Lines) -> Arc<Entry> {
     if entry.shapes.iter().all(|s| !s.of_lines) {
@@ -226,8 +229,10 @@ pub fn with_lines(entry: Arc<Entry>, lines: &Lines) -> Arc<Entry> {
     let lines = if entry.at == At::Frame { &lines.of_frame } else { &lines.of_forces };
     let mut out = (*entry).clone();
     for s in out.shapes.iter_mut().filter(|s| s.of_lines) {
-        let [low, high] = s.within.unwrap_or([0.0, f64::INFINITY]);
-        s.grid = lines.iter().copied().filter(|f| (low..=high).contains(f)).collect();
+        // Lines of slow or fast systems lie beyond the bounds of what rigs of some seconds have.
+        let holding = |[low, high]: [f64; 2], f: &f64| [low.min(f / BEYOND), high.max(f * BEYOND)];
+        s.within = s.within.map(|within| lines.iter().fold(within, holding));
+        s.grid.clone_from(lines);
     }
     Arc::new(out)
 }

@@ -327,6 +327,23 @@ impl<'a> Course<'a> {
         Some(blocks)
     }
 
+    /// Accelerations by every column along the windows about which the model is `linear`: at each
+    /// point n rows of the columns.
+    pub fn forced(
+        &self,
+        paths: &[Path],
+        all: &[Window],
+        linear: &[Option<Linear>],
+        list: &List<'_>,
+    ) -> Option<Vec<Option<Vec<f64>>>> {
+        let fitted = self.fitted(list)?;
+        let of = |(w, linear): (&Window, &Option<Linear>)| {
+            let (linear, exogenous) = (linear.as_ref()?, self.window_inputs(&paths[w.stretch], w));
+            fitted.records.get(self.record_of(w))?.on(&linear.points, &linear.accelerations, &exogenous).all()
+        };
+        Some(all.par_iter().zip(linear).map(of).collect())
+    }
+
     /// Rows of a window less the states that were eliminated.
     fn freedom(&self, normal: &Normal) -> f64 {
         normal.rows as f64 - 2.0 * self.setting.circle.len() as f64

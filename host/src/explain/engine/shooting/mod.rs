@@ -29,6 +29,7 @@
 //! | [`by_inertia`](mod@by_inertia) | what strengths do while inertias follow from coefficients |
 //! | [`linear`] | a window's normal equations |
 //! | [`gram`] | sums of products of the columns that are fitted together |
+//! | [`left_over`] | what is left of every sample, and how far forces move it at once |
 //! | [`blocks`] | least squares over windows |
 //! | [`coloured`](mod@coloured) | the sensors' noise where the record was smoothed |
 //! | [`quieter`](mod@quieter) | the sensors' noise where it was taken for too much |
@@ -43,6 +44,7 @@ mod coloured;
 mod course;
 mod forcing;
 mod gram;
+pub mod left_over;
 mod linear;
 mod path;
 mod quieter;

@@ -1,0 +1,47 @@
+//! An explanation of a record whose motion locks to the drive after a while: one orbit tells no
+//! effects apart, what came before it may.
+
+use super::decidability::freely_until_s;
+use super::reason::{Reason, Undecidable};
+use super::{Explanation, Settings, Verdict, outlying};
+use crate::error::Result;
+use crate::record::Record;
+use crate::record::cut::Part;
+use crate::rig::Rig;
+use crate::warning::Warning;
+
+/// Explains records; where all of them lock to the drive and nothing is decided, by what came
+/// before each did.
+///
+/// # Errors
+/// As [`super::explain`].
+pub(super) fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
+    let result = outlying::explain(records, rig, settings)?;
+    if result.reason != Reason::Undecidable(Undecidable::Locked) {
+        return Ok(result);
+    }
+    let ends: Vec<f64> = records.iter().filter_map(|r| freely_until_s(r, rig)).collect();
+    // A record that repeats from the first on adds nothing that it would not add alone.
+    if ends.len() < records.len() {
+        return Ok(result);
+    }
+    let before = records.iter().zip(&ends).map(|(r, end)| until(r, *end)).collect::<Result<Vec<_>>>();
+    let decided = before.and_then(|b| outlying::explain(&b, rig, settings)).ok();
+    let Some(mut again) = decided.filter(|a| a.verdict != Verdict::NotDecidable) else { return Ok(result) };
+    again.warnings.extend(records.iter().zip(&ends).map(|(r, end)| told(r, *end)));
+    Ok(again)
+}
+
+/// What of a record lies before a time, s.
+fn until(record: &Record, end_s: f64) -> Result<Record> {
+    let mut out = record.clone();
+    out.cut(&Part { from_s: None, to_s: Some(end_s) })?;
+    Ok(out)
+}
+
+fn told(record: &Record, end_s: f64) -> Warning {
+    let of_s = record.segments.last().map_or(end_s, |s| s.start_s + s.len() as f64 * s.step_s);
+    let text = format!("the motion repeats (locked to the drive) from {end_s:.1} s on, of {of_s:.1} s");
+    let advice = "What came before is explained; one orbit cannot tell effects apart (`whirl plan` proposes settings)";
+    Warning::new("locks-later", text, advice).with("from_s", end_s)
+}
