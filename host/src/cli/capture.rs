@@ -182,7 +182,11 @@ pub fn human(outcome: &CaptureOutcome) -> String {
         ));
     }
     if let Some(frames) = &outcome.frames {
-        text.push_str(&format!("its journal is kept: {}\n", frames.display()));
+        // One that may be gone on with has a warning that says so, too.
+        text.push_str(&format!(
+            "its journal is kept: {}; --resume goes on in the record from there, and the file may be deleted\n",
+            plain(&frames.to_string_lossy())
+        ));
     }
     if let Some(level) = &outcome.level {
         text.push_str(&format!("{}\n", told(level)));
