@@ -13,6 +13,7 @@ use super::simulate::Arguments;
 use crate::error::{BadInput, Result};
 use crate::init::rate_of;
 use crate::model::identified::{IdentifiedModel, System};
+use crate::model::refused;
 use crate::motion::from_record::{self, Begin};
 use crate::motion::simulation::{self, Solution};
 use crate::motion::{Effect, Motion, stand_in};
@@ -61,6 +62,7 @@ pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
     }
     files.record("-o", &arguments.output).check()?;
     let model = IdentifiedModel::read(path)?;
+    given.as_ref().map_or(Ok(()), |rig| refused::other_system(&model, path, rig))?;
     // What is wrong in the model has no file yet; rigs and records name theirs.
     let of_model =
         |e: BadInput| if e.place.as_deref().is_some_and(|p| p.starts_with("--")) { e } else { e.in_file(path) };
