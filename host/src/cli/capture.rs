@@ -18,6 +18,7 @@ use crate::capture::precision::Until;
 use crate::capture::sim::Simulated;
 use crate::capture::{CaptureOutcome, CaptureSettings, Progress, run as capture};
 use crate::error::{BadInput, Result, plain};
+use crate::record::writer::check_ending;
 use crate::rig::Rig;
 use crate::terminal_view::View;
 use crate::wording::format::{count, duration};
@@ -262,6 +263,10 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     }
     let rig = Rig::read(&arguments.rig)?;
     files(arguments, &rig).check()?;
+    // Rows are lines of JSON, whatever the name.
+    if !arguments.rows {
+        check_ending(&arguments.output)?;
+    }
     if arguments.rows && arguments.out.report.is_some() {
         return Err(BadInput::new("--report with --rows", "one of them")
             .at("--report")
