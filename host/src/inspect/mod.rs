@@ -196,12 +196,7 @@ fn known_model(rig: &Rig) -> Result<()> {
     if known.any(|id| id == rig.model) {
         return Ok(());
     }
-    let names: Vec<&str> = MODELS.iter().map(|m| m.0).collect();
-    let expected = format!("{}, or the path of a model file", names.join(", "));
-    Err(BadInput::new(format!("\"{}\"", rig.model), expected)
-        .in_file(&rig.path)
-        .at("model")
-        .remedy("`whirl list models` shows the models"))
+    Err(rig.no_such_model())
 }
 
 /// A record built by a program rather than by a reader may be inconsistent: told, not trusted.

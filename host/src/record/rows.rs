@@ -10,6 +10,8 @@ use super::damage::Damage;
 use crate::error::{BadInput, Result};
 use crate::rig::computed::{self, Sources};
 use crate::rig::{Channel, Rig};
+use crate::wording::close::closest;
+use crate::wording::format::shortest;
 
 /// Most rows that are read from one file: a bound on memory, 4.6 days at 500 Hz.
 pub(super) const ROW_LIMIT: usize = 200_000_000;
@@ -206,7 +208,15 @@ impl<'a> Rows<'a> {
         if let Some(&before) = self.t.last()
             && t <= before
         {
-            let found = if t == before { format!("{t} a second time") } else { format!("{t} after {before}") };
+            // As few digits as tell them apart.
+            let (short, short_before) = (shortest(t), shortest(before));
+            let found = if t == before {
+                format!("{t} a second time")
+            } else if short == short_before {
+                format!("{t} after {before}")
+            } else {
+                format!("{short} after {short_before}")
+            };
             return Err(self
                 .bad(place, name, found, "a time later than the row before")
                 .remedy("Sort the rows by time, or split the file where its clock was set back"));
@@ -304,25 +314,21 @@ pub(super) fn sources(rig: &Rig) -> Sources {
 }
 
 /// The error for a column that a file does not have: lists those it has, and the closest as the
-/// remedy.
-pub(super) fn missing_column(path: &Path, wanted: &str, header: &[String]) -> BadInput {
+/// remedy, unless it is one of those that are used already.
+pub(super) fn missing_column(path: &Path, wanted: &str, header: &[String], used: &[&str]) -> BadInput {
     let list: Vec<String> = header.iter().take(40).map(|h| super::formats::shown(h.as_bytes())).collect();
     let more = if header.len() > 40 { format!(" and {} more", header.len() - 40) } else { String::new() };
-    let close = header
-        .iter()
-        .take(1000)
-        .map(|h| (distance(&h.to_lowercase(), &wanted.to_lowercase()), h))
-        .min()
-        .filter(|(d, h)| *d <= wanted.len().div_ceil(2).max(1) && !h.is_empty());
+    let free = header.iter().take(1000).map(String::as_str).filter(|h| !used.contains(h));
+    let close = closest(wanted, free);
     let remedy = match (wanted, close) {
-        ("t", Some((_, h))) if !is_numbered(header) => {
+        ("t", Some(h)) if !is_numbered(header) => {
             format!("If the column {h} holds the time, say --time \"{h}\", or time = \"{h}\" in the rig file")
         }
         ("t", _) if is_numbered(header) => {
             "The file has no header row that names its columns: say --time c1 (or time = \"c1\" in the rig file) where the first holds the time, or add a row such as t,count1,count2".to_owned()
         }
         ("t", _) => "Say which one is the time: --time COLUMN, or time = \"COLUMN\" in the rig file; or add a column t in seconds".to_owned(),
-        (_, Some((_, h))) => format!("Did you mean {h}? Set it as the channel's name in the rig file, or say --map MEASURE=COLUMN"),
+        (_, Some(h)) => format!("Did you mean {h}? Set it as the channel's name in the rig file, or say --map MEASURE=COLUMN"),
         (_, None) => "Set the channel's name in the rig file to one of these columns, or say --map MEASURE=COLUMN".to_owned(),
     };
     BadInput::new(format!("the columns {}{more}", list.join(", ")), format!("a column {wanted}"))
@@ -336,22 +342,6 @@ pub(super) fn is_numbered(header: &[String]) -> bool {
     header.iter().enumerate().all(|(i, h)| *h == format!("c{}", i + 1))
 }
 
-/// Levenshtein distance of two short names (longer ones are cut to 64 characters).
-fn distance(a: &str, b: &str) -> usize {
-    let (a, b): (Vec<char>, Vec<char>) = (a.chars().take(64).collect(), b.chars().take(64).collect());
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.iter().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let next = (diagonal + usize::from(x != y)).min(row[j] + 1).min(row[j + 1] + 1);
-            diagonal = row[j + 1];
-            row[j + 1] = next;
-        }
-    }
-    row[b.len()]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -359,9 +349,11 @@ mod tests {
     #[test]
     fn the_closest_column_is_proposed() {
         let header = ["t".to_owned(), "cuont1".to_owned(), "speed".to_owned()];
-        let e = missing_column(Path::new("x.csv"), "count1", &header).to_string();
+        let e = missing_column(Path::new("x.csv"), "count1", &header, &[]).to_string();
         assert!(e.contains("\"t\", \"cuont1\", \"speed\"") && e.contains("Did you mean cuont1?"), "{e}");
-        assert_eq!(distance("kitten", "sitting"), 3);
-        assert_eq!(distance("", "abc"), 3);
+        // One that another channel is read from is not meant.
+        let header = ["t", "winkel1", "count2"].map(str::to_owned);
+        let e = missing_column(Path::new("x.csv"), "count1", &header, &["count1", "count2"]).to_string();
+        assert!(!e.contains("Did you mean") && e.contains("--map MEASURE=COLUMN"), "{e}");
     }
 }
