@@ -55,7 +55,10 @@ fn page<'a>(pages: &'a [Page], command: &[String]) -> Result<&'a [u8]> {
 /// The page of a command and those of the commands below it.
 fn collect(command: &Command, name: &str, pages: &mut Vec<Page>) -> Result<()> {
     let mut text = Vec::new();
-    Man::new(command.clone().display_name(name))
+    // The synopsis as --help has it, with what an option takes.
+    let usage = command.clone().render_usage().to_string();
+    let usage = usage.trim().trim_start_matches("Usage:").trim().to_owned();
+    Man::new(command.clone().display_name(name).override_usage(usage))
         .render(&mut text)
         .map_err(|e| BadInput::new(e.to_string(), "a page"))?;
     pages.push((format!("{name}.1"), text));
@@ -91,6 +94,7 @@ mod tests {
         assert!(of("whirl.1").contains("capture"));
         assert!(of("whirl-capture.1").contains("--live") && of("whirl-capture.1").contains("--until"));
         assert!(of("whirl-device-set.1").contains("whirl device set"), "{}", of("whirl-device-set.1"));
+        assert!(of("whirl-identify.1").contains("--rig <RIG.toml>"), "{}", of("whirl-identify.1"));
         let words = ["device".to_owned(), "set".to_owned()];
         assert_eq!(
             String::from_utf8(page(&pages, &words).unwrap().to_vec()).unwrap().replace("\\-", "-"),
