@@ -7,6 +7,7 @@ use std::path::Path;
 
 use super::Column;
 use super::damage::Damage;
+use super::unwrap::turn;
 use crate::error::{BadInput, Result};
 use crate::rig::computed::{self, Sources};
 use crate::rig::{Channel, Rig};
@@ -256,6 +257,7 @@ impl<'a> Rows<'a> {
                 .remedy("Mend the cell, or leave it empty (that is a gap)"));
         }
         match self.columns[channel] {
+            Column::Values(_) if is_no_angle(c, value) => Err(self.no_angle(place, channel, value)),
             Column::Values(_) => Ok(Cell::Value(value)),
             Column::Counts(_) if value.fract() != 0.0 => Err(self
                 .bad(place, &c.name, value.to_string(), "a whole number of counts")
@@ -271,12 +273,22 @@ impl<'a> Rows<'a> {
     /// Checks a whole number for channel `channel`.
     pub(super) fn check_integer(&self, place: u64, channel: usize, value: i64) -> Result<Cell> {
         match self.columns[channel] {
+            Column::Values(_) if is_no_angle(&self.sources.columns[channel], value as f64) => {
+                Err(self.no_angle(place, channel, value as f64))
+            }
             Column::Values(_) => Ok(Cell::Value(value as f64)),
             Column::Counts(_) => match i32::try_from(value) {
                 Ok(count) => Ok(Cell::Count(count)),
                 Err(_) => Err(self.beyond(place, channel, value.to_string())),
             },
         }
+    }
+
+    /// The error for a value that no angle can have.
+    fn no_angle(&self, place: u64, channel: usize, value: f64) -> BadInput {
+        let c = &self.sources.columns[channel];
+        self.bad(place, &c.name, format!("{value:e}"), &format!("an angle in {}", c.unit))
+            .remedy("So large a number holds no part of a turn: mend the cell, or leave it empty (that is a gap)")
     }
 
     /// The error for a count beyond its type.
@@ -302,6 +314,12 @@ impl<'a> Rows<'a> {
             (Column::Values(c), _) => c.push(f64::NAN),
         }
     }
+}
+
+/// Whether a value of an angle is so large that binary64 no longer tells a thousandth of a turn: it
+/// is no angle that anything has measured, and would be taken for one that wraps.
+fn is_no_angle(channel: &Channel, value: f64) -> bool {
+    turn(channel).is_some_and(|turn| value.abs() * f64::EPSILON > turn / 1000.0)
 }
 
 /// The columns that are read for a rig. Its expressions were checked when it was read; one that was
@@ -345,6 +363,13 @@ pub(super) fn is_numbered(header: &[String]) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn what_resolves_no_part_of_a_turn_is_no_angle() {
+        let (rad, deg, metre) = (Channel::new("a", "rad"), Channel::new("a", "deg"), Channel::new("a", "m"));
+        assert!(is_no_angle(&rad, 1e30) && is_no_angle(&rad, -1e308) && is_no_angle(&deg, 1e30));
+        assert!(!is_no_angle(&rad, 1e13) && !is_no_angle(&deg, -1e15) && !is_no_angle(&metre, 1e30));
+    }
 
     #[test]
     fn the_closest_column_is_proposed() {
