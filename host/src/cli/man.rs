@@ -14,7 +14,7 @@ use crate::files::write_file;
 /// Arguments of `man`.
 #[derive(Debug, Args)]
 pub struct Arguments {
-    /// Command whose page is printed, such as identify, or device set [default: the program's page].
+    /// Command whose page is printed, such as identify or device set [default: the program's page].
     #[arg(value_name = "COMMAND", conflicts_with = "output")]
     command: Vec<String>,
     /// Folder for the pages of all commands, `whirl.1`, `whirl-capture.1` …, such as

@@ -201,7 +201,8 @@ fn name(own: &str) -> String {
     let plain = super::names::plain(own);
     let letters: String = plain.chars().take_while(char::is_ascii_alphabetic).collect();
     // A name of several words, such as that of an effect's strength, is no letter with an index.
-    if plain.split('_').filter(|word| word.len() > 2).count() > 1 {
+    let words = plain.split('_').filter(|word| word.len() > 2).count();
+    if words > 1 && !SYMBOLS.contains(&letters.as_str()) {
         return format!("\\mathit{{{}}}", plain.replace('_', "\\_"));
     }
     let rest = plain[letters.len()..].trim_start_matches('_').replace('_', "\\_");
