@@ -127,9 +127,7 @@ pub fn base(rig: &Rig, plant: &BasePlant, seed: u64) -> Result<Option<BaseSettin
 /// A rig without `[plant]`, of another model, or with values out of range.
 pub fn settings(rig: &Rig, effect_texts: &[String], seconds: f64, seed: u64) -> Result<SimulationSettings> {
     if !["double-pendulum", "single-pendulum"].contains(&rig.model.as_str()) {
-        return Err(BadInput::new(format!("\"{}\"", rig.model), "\"double-pendulum\" or \"single-pendulum\"")
-            .in_file(&rig.path)
-            .at("model"));
+        return Err(rig.no_such_model());
     }
     check_seconds(seconds, rig.sample_rate_hz, MOST_SAMPLES)?;
     let drive = |amplitude_m: f64, psi: f64| {

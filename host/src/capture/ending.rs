@@ -9,6 +9,7 @@ use super::recorder::Recorder;
 use super::{CaptureOutcome, outcome};
 use crate::error::{BadInput, Result};
 use crate::warning::Warning;
+use crate::wording::format::rounded;
 use whirl_shared::frame::{Command, Streamed};
 
 impl Session<'_> {
@@ -46,6 +47,7 @@ impl Session<'_> {
     /// Ends record and journal.
     pub(super) fn finish(mut self, recorder: Recorder<'_>, result: Result<()>) -> Result<CaptureOutcome> {
         let (settings, recorded) = (self.settings, recorder.has_samples());
+        let (recording, settle_s) = (recorder.recording(), recorder.settle_s());
         let until = self.precision(&recorder);
         let seconds = recorder.seconds().filter(|_| !until.as_ref().is_some_and(|until| until.reached));
         let (source, options) = (recorder.source().to_owned(), recorder.options().to_vec());
@@ -83,7 +85,7 @@ impl Session<'_> {
             return Err(e.remedy(remedy));
         }
         let Some(mut done) = done else {
-            return Err(self.no_sample());
+            return Err(self.no_sample(recording, settle_s));
         };
         if let (true, Some(short)) = (interrupted, done.warnings.iter_mut().find(|w| w.id == "short")) {
             short.advice = format!("The record is whole as far as it goes. {}", resume_advice(&next));
@@ -99,12 +101,41 @@ impl Session<'_> {
         })
     }
 
-    fn no_sample(&self) -> BadInput {
-        BadInput::new("no sample, and no record", "samples before the end of the capture")
-            .in_file(&self.settings.from)
-            .remedy(
-                "Let it run for longer; with a drive, recording starts when the shaker has run for its settling time",
-            )
+    /// Why there is no record: how far the capture had come when it ended.
+    fn no_sample(&self, recording: bool, settle_s: f64) -> BadInput {
+        let (found, remedy) = if self.settings.rows {
+            self.no_window()
+        } else if self.hello.is_none() {
+            ("the capture ended before the device had answered".to_owned(), "Let it run for longer".to_owned())
+        } else if !recording {
+            let doing = if self.level.is_some() {
+                "the amplitude was being levelled".to_owned()
+            } else if settle_s > 0.0 {
+                format!("the rig was left to settle ({settle_s} s before the first sample)")
+            } else {
+                "the drive was starting".to_owned()
+            };
+            let remedy = "Capture again, and end it (q or Ctrl-C) only when it says \"recording\"";
+            (format!("the capture ended while {doing}"), remedy.to_owned())
+        } else {
+            ("the capture ended before a sample had come".to_owned(), "Let it run for longer".to_owned())
+        };
+        BadInput::new(format!("{found}: no record is written"), "").in_file(&self.settings.from).remedy(remedy)
+    }
+
+    /// The same where regression rows were to be recorded.
+    fn no_window(&self) -> (String, String) {
+        let length = match &self.rig.drive {
+            Some(drive) => format!("20 drive periods ({} s)", rounded(20.0 / drive.frequency_hz, 4)),
+            None => "20 drive periods".to_owned(),
+        };
+        let found = format!("the capture ended before one window of rows was whole, which takes {length}");
+        let remedy = if self.settings.drive {
+            "Let it run for longer, or record samples: leave --rows out"
+        } else {
+            "There are windows only while the drive runs: leave --no-drive out, or record samples: leave --rows out"
+        };
+        (found, remedy.to_owned())
     }
 
     /// What the session itself noticed.

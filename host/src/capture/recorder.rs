@@ -328,6 +328,11 @@ impl<'a> Recorder<'a> {
         self.terms.seconds
     }
 
+    /// What is left to itself before the first sample, s.
+    pub(super) fn settle_s(&self) -> f64 {
+        self.terms.settle_s
+    }
+
     /// Options of the command that a continuation must have too.
     pub(super) fn options(&self) -> &[String] {
         &self.terms.options

@@ -291,6 +291,22 @@ fn wires_without_a_device_are_told_apart() {
 }
 
 #[test]
+fn a_capture_that_ends_while_the_rig_settles_says_so() {
+    let mut run = Run::new(true, 5.0);
+    run.settings.settle_s = Some(1e6);
+    let stop = run.settings.stop.clone();
+    let settings = CaptureSettings { from: "tcp:fake:1".into(), ..run.settings.clone() };
+    let target = target(&settings, &run.rig).unwrap();
+    let mut fake = Fake::new();
+    let done = live::run(&settings, &run.rig, &mut fake, target, &mut |p| {
+        stop.store(p.state == "settling", Ordering::Relaxed);
+    });
+    let e = done.unwrap_err().to_string();
+    assert!(e.contains("left to settle (1000000 s before the first sample): no record is written"), "{e}");
+    assert!(!run.settings.output.exists() && !path_of(&run.settings.output).exists());
+}
+
+#[test]
 fn the_stop_flag_ends_in_order() {
     let mut run = Run::new(true, 1e6);
     run.settings.seconds = None;

@@ -18,6 +18,7 @@ use crate::capture::precision::Until;
 use crate::capture::sim::Simulated;
 use crate::capture::{CaptureOutcome, CaptureSettings, Progress, run as capture};
 use crate::error::{BadInput, Result, plain};
+use crate::record::writer::check_ending;
 use crate::rig::Rig;
 use crate::terminal_view::View;
 use crate::wording::format::{count, duration};
@@ -182,7 +183,11 @@ pub fn human(outcome: &CaptureOutcome) -> String {
         ));
     }
     if let Some(frames) = &outcome.frames {
-        text.push_str(&format!("its journal is kept: {}\n", frames.display()));
+        // One that may be gone on with has a warning that says so, too.
+        text.push_str(&format!(
+            "its journal is kept: {}; --resume goes on in the record from there, and the file may be deleted\n",
+            plain(&frames.to_string_lossy())
+        ));
     }
     if let Some(level) = &outcome.level {
         text.push_str(&format!("{}\n", told(level)));
@@ -258,6 +263,10 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     }
     let rig = Rig::read(&arguments.rig)?;
     files(arguments, &rig).check()?;
+    // Rows are lines of JSON, whatever the name.
+    if !arguments.rows {
+        check_ending(&arguments.output)?;
+    }
     if arguments.rows && arguments.out.report.is_some() {
         return Err(BadInput::new("--report with --rows", "one of them")
             .at("--report")

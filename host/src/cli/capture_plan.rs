@@ -17,6 +17,7 @@ use crate::error::Result;
 use crate::explain::{Found, Settings as ExplainSettings, Verdict, explain};
 use crate::plan::presentation;
 use crate::plan::written::{PlanFile, Run};
+use crate::record::writer::check_ending;
 use crate::record::{ReadOptions, Record};
 use crate::rig::Rig;
 
@@ -85,6 +86,7 @@ pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
         own.output = path_of(&arguments.output, index, count);
         let rig = run.rig(&rig).map_err(|e| e.in_file(path))?;
         files(&own, &rig).reads([path]).check()?;
+        check_ending(&own.output)?;
         steps.push((own, rig, run));
     }
     let stop = Arc::new(AtomicBool::new(false));

@@ -15,6 +15,7 @@ use crate::explain::card::card;
 use crate::explain::{Explanation, Settings, Verdict, explain, ledger, presentation};
 use crate::files::write_file;
 use crate::model::identified::IdentifiedModel;
+use crate::model::refused;
 use crate::record::Record;
 use crate::report::Results;
 use crate::report::card::Card;
@@ -100,6 +101,9 @@ impl Single for Arguments {
             }
         }
         let model = self.model.as_ref().map(|p| IdentifiedModel::read(p)).transpose()?;
+        if let (Some(model), Some(path)) = (&model, &self.model) {
+            refused::other_system(model, path, &rig)?;
+        }
         let settings = Settings {
             horizon_s: self.horizon,
             forecast_s: self.forecast.clone(),

@@ -12,6 +12,7 @@ use crate::error::{BadInput, Result};
 use crate::export::{LANGUAGES, code, language};
 use crate::files::write_file;
 use crate::model::identified::IdentifiedModel;
+use crate::model::refused;
 use crate::motion::{Effect, Motion};
 use crate::rig::Rig;
 
@@ -59,6 +60,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     files.result("-o", Some(&arguments.output)).check()?;
     let language = language(&arguments.to)?;
     let model = IdentifiedModel::read(&arguments.model)?;
+    rig.as_ref().map_or(Ok(()), |rig| refused::other_system(&model, &arguments.model, rig))?;
     // What is wrong in the model has no file yet.
     let of_model = |e: BadInput| e.in_file(&arguments.model);
     let motion = Motion::of(&model, &arguments.model, rig.as_ref(), 0.0).map_err(of_model)?;

@@ -46,15 +46,14 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     match arguments.what {
         What::Models => {
             for (id, about) in crate::model::MODELS {
-                out.say(&format!("{id:<18} {about}\n"));
+                out.say(&format!("{id:<18} {about} (--show {id} prints the system file of that name)\n"));
             }
             for s in crate::reduce::systems::SYSTEMS {
                 out.say(&format!("{:<18} {}\n", s.id, s.about));
             }
-            for (name, text) in library::all() {
-                let built_in = crate::model::MODELS.iter().any(|(id, _)| id == name);
-                let note = if built_in { " (as a rig's model, the name means the built-in one)" } else { "" };
-                out.say(&format!("{name:<28} a file, see --show {name}: {}{note}\n", library::about(text)));
+            let built_in = |name: &str| crate::model::MODELS.iter().any(|(id, _)| *id == name);
+            for (name, text) in library::all().iter().filter(|(name, _)| !built_in(name)) {
+                out.say(&format!("{name:<28} a file, see --show {name}: {}\n", library::about(text)));
             }
         }
         What::Methods => {

@@ -1,4 +1,4 @@
-//! `whirl man`: manual pages, of the program or, into a folder, of every command.
+//! `whirl man`: manual pages, of the program, of one command or, into a folder, of every command.
 
 use std::path::{Path, PathBuf};
 
@@ -14,8 +14,12 @@ use crate::files::write_file;
 /// Arguments of `man`.
 #[derive(Debug, Args)]
 pub struct Arguments {
+    /// Command whose page is printed, such as identify or device set [default: the program's page].
+    #[arg(value_name = "COMMAND", conflicts_with = "output")]
+    command: Vec<String>,
     /// Folder for the pages of all commands, `whirl.1`, `whirl-capture.1` …, such as
-    /// ~/.local/share/man/man1 [default: the program's page on standard output].
+    /// ~/.local/share/man/man1, where `man whirl-capture` finds them. Without it one page goes to
+    /// standard output, in man's own format: `whirl man capture | man -l -`.
     #[arg(short, long, value_name = "DIR")]
     output: Option<PathBuf>,
 }
@@ -23,13 +27,11 @@ pub struct Arguments {
 /// A page and its file's name.
 type Page = (String, Vec<u8>);
 
-/// Prints the program's page, or writes all of them.
+/// Prints a page, or writes all of them.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
     let pages = all()?;
     let Some(folder) = &arguments.output else {
-        if let Some((_, text)) = pages.first() {
-            print(&String::from_utf8_lossy(text));
-        }
+        print(&String::from_utf8_lossy(page(&pages, &arguments.command)?));
         return Ok(Answer::Positive);
     };
     std::fs::create_dir_all(folder)
@@ -39,10 +41,24 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     Ok(Answer::Positive)
 }
 
+/// The page of a command, or the program's where none is named.
+fn page<'a>(pages: &'a [Page], command: &[String]) -> Result<&'a [u8]> {
+    let name = std::iter::once("whirl").chain(command.iter().map(String::as_str)).collect::<Vec<_>>().join("-");
+    let file = format!("{name}.1");
+    pages.iter().find(|(n, _)| *n == file).map(|(_, text)| text.as_slice()).ok_or_else(|| {
+        BadInput::new(format!("\"{}\"", command.join(" ")), "a command of `whirl --help`")
+            .at("man")
+            .remedy("Name a command as it is called, such as `whirl man identify` or `whirl man device set`")
+    })
+}
+
 /// The page of a command and those of the commands below it.
 fn collect(command: &Command, name: &str, pages: &mut Vec<Page>) -> Result<()> {
     let mut text = Vec::new();
-    Man::new(command.clone().display_name(name))
+    // The synopsis as --help has it, with what an option takes.
+    let usage = command.clone().render_usage().to_string();
+    let usage = usage.trim().trim_start_matches("Usage:").trim().to_owned();
+    Man::new(command.clone().display_name(name).override_usage(usage))
         .render(&mut text)
         .map_err(|e| BadInput::new(e.to_string(), "a page"))?;
     pages.push((format!("{name}.1"), text));
@@ -78,6 +94,14 @@ mod tests {
         assert!(of("whirl.1").contains("capture"));
         assert!(of("whirl-capture.1").contains("--live") && of("whirl-capture.1").contains("--until"));
         assert!(of("whirl-device-set.1").contains("whirl device set"), "{}", of("whirl-device-set.1"));
+        assert!(of("whirl-identify.1").contains("--rig <RIG.toml>"), "{}", of("whirl-identify.1"));
+        let words = ["device".to_owned(), "set".to_owned()];
+        assert_eq!(
+            String::from_utf8(page(&pages, &words).unwrap().to_vec()).unwrap().replace("\\-", "-"),
+            of("whirl-device-set.1")
+        );
+        assert_eq!(page(&pages, &[]).unwrap(), pages[0].1);
+        assert!(page(&pages, &["dance".to_owned()]).unwrap_err().to_string().contains("a command of `whirl --help`"));
         let commands = Cli::command();
         let below: usize = commands.get_subcommands().map(|c| 1 + c.get_subcommands().count()).sum();
         assert_eq!(pages.len(), 1 + below);

@@ -12,6 +12,7 @@ use crate::files::write_file;
 use crate::identify::best::best;
 use crate::identify::{self, model_file, shooting};
 use crate::model::identified::IdentifiedModel;
+use crate::model::refused;
 use crate::plan::goals::{Goals, Limits, Precise, Tell};
 use crate::plan::{Settings, check_rig, plan, presentation};
 use crate::record::{ReadOptions, Record};
@@ -60,7 +61,10 @@ pub struct Arguments {
 /// The model that is planned for.
 fn model(arguments: &Arguments, rig: &Rig, record: Option<&Record>) -> Result<IdentifiedModel> {
     match (&arguments.model, record) {
-        (Some(path), _) => IdentifiedModel::read(path),
+        (Some(path), _) => {
+            let model = IdentifiedModel::read(path)?;
+            refused::other_system(&model, path, rig).map(|()| model)
+        }
         (None, Some(record)) => {
             let bar = progress::bar("identifying the record", 0);
             let (weak, choices) = (identify::Settings::default(), shooting::Settings::default());

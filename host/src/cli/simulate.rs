@@ -9,6 +9,7 @@ use super::output::{Output, Replace};
 use super::outputs::Outputs;
 use super::{Answer, Columns};
 use crate::error::{BadInput, Result};
+use crate::record::writer::check_ending;
 use crate::rig::Rig;
 
 /// Arguments of `simulate`.
@@ -79,6 +80,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
 /// Simulates a rig's plant.
 fn plant(arguments: &Arguments, rig: &Rig, seconds: f64) -> Result<Answer> {
     Outputs::of(&arguments.out, Some(arguments.replace)).reads_rig(rig).record("-o", &arguments.output).check()?;
+    check_ending(&arguments.output)?;
     if let Some(bound) = &rig.bound {
         return model_file(arguments, rig, bound, seconds);
     }

@@ -13,11 +13,13 @@ use super::simulate::Arguments;
 use crate::error::{BadInput, Result};
 use crate::init::rate_of;
 use crate::model::identified::{IdentifiedModel, System};
+use crate::model::refused;
 use crate::motion::from_record::{self, Begin};
 use crate::motion::simulation::{self, Solution};
 use crate::motion::{Effect, Motion, stand_in};
 use crate::record::names::TimeChoice;
 use crate::record::values::write_values_from;
+use crate::record::writer::check_ending;
 use crate::record::{ReadOptions, Record, metadata, names};
 use crate::rig::{LONGEST_S, MOST_SAMPLES, Rig};
 use crate::wording::format::{count, shortest};
@@ -60,7 +62,9 @@ pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
         files = files.reads_rig(rig);
     }
     files.record("-o", &arguments.output).check()?;
+    check_ending(&arguments.output)?;
     let model = IdentifiedModel::read(path)?;
+    given.as_ref().map_or(Ok(()), |rig| refused::other_system(&model, path, rig))?;
     // What is wrong in the model has no file yet; rigs and records name theirs.
     let of_model =
         |e: BadInput| if e.place.as_deref().is_some_and(|p| p.starts_with("--")) { e } else { e.in_file(path) };

@@ -10,6 +10,7 @@ use crate::batch::answers;
 use crate::batch::row::Row;
 use crate::error::Result;
 use crate::model::identified::IdentifiedModel;
+use crate::model::refused;
 use crate::record::Record;
 use crate::report::Results;
 use crate::report::card::Card;
@@ -102,6 +103,7 @@ impl Single for Arguments {
 
     fn prepare(&self, rig: Rig) -> Result<Ready> {
         let model = IdentifiedModel::read(&self.model)?;
+        refused::other_system(&model, &self.model, &rig)?;
         let free_rig = Rig { drive: None, ..rig.clone() };
         let options = self.common.records.options();
         let free = self.free.as_ref().map(|path| Record::read(path, &free_rig, &options)).transpose()?;

@@ -37,6 +37,7 @@ fn mistakes_are_told_with_their_place() {
             "more than 4 shapes",
         ),
         ("force = \"-k*x\"\ncolour = \"red\"", 6, "colour"),
+        ("force = \"-k*x\"\ncolour = \"red\"", 6, "see docs/effects.md"),
         ("force = \"-k*x\"\nvalue = \"k*q\"", 6, "q"),
         ("drags = \"-k*v\"", 5, "drags at this place"),
     ] {

@@ -118,6 +118,12 @@ impl Language for Latex {
 /// Where a reader finds what is not on the page.
 const DIGITS: &str = "Numbers have the digits that their standard errors support; all digits are in the model file.";
 
+/// What the numbers before strengths of effects are.
+const FACTORS: &str = "\n\
+    % The number before an effect's strength in an equation puts the strength into the equation's own terms.\n\
+    A number before an effect's strength puts it into the terms of its equation, which is divided by its inertia\n\
+    and, where primes are derivatives by \\(\\tau\\), by powers of \\(\\Omega\\).";
+
 /// A number as [`crate::wording::format`] writes it.
 fn typeset(text: &str) -> String {
     let text = text.replace('−', "-");
@@ -194,6 +200,11 @@ const SYMBOLS: [&str; 33] = [
 fn name(own: &str) -> String {
     let plain = super::names::plain(own);
     let letters: String = plain.chars().take_while(char::is_ascii_alphabetic).collect();
+    // A name of several words, such as that of an effect's strength, is no letter with an index.
+    let words = plain.split('_').filter(|word| word.len() > 2).count();
+    if words > 1 && !SYMBOLS.contains(&letters.as_str()) {
+        return format!("\\mathit{{{}}}", plain.replace('_', "\\_"));
+    }
     let rest = plain[letters.len()..].trim_start_matches('_').replace('_', "\\_");
     let head = match (SYMBOLS.contains(&letters.as_str()), letters.len()) {
         (true, _) => format!("\\{letters}"),
@@ -284,12 +295,19 @@ fn effects(p: &Program<'_>) -> String {
     if items.is_empty() {
         return String::new();
     }
-    format!("\n\\paragraph{{Effects}}\n\\begin{{itemize}}\n{}\n\\end{{itemize}}", items.join("\n"))
+    let factors = if p.motion.strengths().next().is_some() { FACTORS } else { "" };
+    format!("\n\\paragraph{{Effects}}\n\\begin{{itemize}}\n{}\n\\end{{itemize}}{factors}", items.join("\n"))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn names_of_several_words_are_no_letters_with_an_index() {
+        assert_eq!(name("viscous_friction_joint1"), "\\mathit{viscous\\_friction\\_joint1}");
+        assert_eq!((name("phi1").as_str(), name("m_arm").as_str()), ("\\phi_{\\mathrm{1}}", "m_{\\mathrm{arm}}"));
+    }
 
     #[test]
     fn numbers_have_the_digits_that_their_errors_support() {

@@ -20,6 +20,7 @@ use crate::rig::{Drive, Rig};
 use crate::signal::band::Band;
 use crate::signal::low_pass::Kernel;
 use crate::signal::noise::Noise;
+use crate::wording::format::{rounded, shortest};
 
 /// Most frequencies of the test functions.
 const MOST_FREQUENCIES: usize = 400;
@@ -64,7 +65,12 @@ pub fn geometry(
     let rate = 1.0 / step_s;
     let check = |option: &str, value: Option<f64>, low: f64, high: f64| match value {
         Some(v) if !(v >= low && v <= high) => {
-            Err(BadInput::new(v.to_string(), format!("a value from {low} to {high}")).at(option.to_owned()))
+            let unit = if option.ends_with("-hz") { "Hz" } else { "s" };
+            let expected =
+                format!("a value from {} to {} {unit}", shortest(rounded(low, 4)), shortest(rounded(high, 4)));
+            Err(BadInput::new(format!("{} {unit}", shortest(v)), expected)
+                .at(option.to_owned())
+                .remedy("Give a value in that range, or leave the option out: it is then chosen by the record"))
         }
         v => Ok(v),
     };

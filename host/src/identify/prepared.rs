@@ -155,15 +155,23 @@ impl Steady {
         let needed = samples_needed(&geometry.windows, &geometry.kernels, step_s);
         let longest = self.stretches.iter().map(Stretch::len).max().unwrap_or(0);
         if longest < needed {
+            let nan_rows: u64 = records.iter().map(|r| r.losses.nan_rows).sum();
+            let samples = if longest == 1 { "sample" } else { "samples" };
             let mut error = BadInput::new(
-                format!("{longest} samples ({:.3} s) in the longest unbroken stretch", longest as f64 * step_s),
+                format!(
+                    "{longest} {samples} ({:.3} s) in the longest unbroken stretch{}",
+                    longest as f64 * step_s,
+                    broken_by(nan_rows)
+                ),
                 format!(
                     "at least {needed} ({:.3} s): one window of {:.3} s and the low-pass's reach on either side",
                     needed as f64 * step_s,
                     geometry.windows.length_s
                 ),
             )
-            .remedy(if self.stretches.len() > records.len() {
+            .remedy(if nan_rows > 0 {
+                "Find out why the sensor gives no number there; --resample bridges short gaps. Otherwise record longer"
+            } else if self.stretches.len() > records.len() {
                 "Gaps cut the record: --resample bridges short ones. Otherwise record longer, or give `identify` or `explain` a shorter window with --window-s"
             } else {
                 "Record longer, or give `identify` or `explain` a shorter window with --window-s"
@@ -175,6 +183,15 @@ impl Steady {
         }
         let Self { stretches, record_of, indices, warnings } = self;
         Ok(Prepared { stretches, record_of, indices, sensors, geometry, still: Vec::new(), warnings })
+    }
+}
+
+/// Why stretches are short, where rows without a number are the reason.
+pub(crate) fn broken_by(nan_rows: u64) -> String {
+    match nan_rows {
+        0 => String::new(),
+        1 => ", which a row without a number breaks".to_owned(),
+        n => format!(", which {n} rows without a number break"),
     }
 }
 

@@ -27,10 +27,7 @@ impl System {
     /// named twice.
     pub fn of(rig: &Rig) -> Result<Self> {
         let Some(pendulum) = rig.pendulum() else {
-            return Err(BadInput::new(format!("\"{}\"", rig.model), Pendulum::either())
-                .in_file(&rig.path)
-                .at("model")
-                .remedy("`whirl list models` shows the models"));
+            return Err(rig.no_such_model());
         };
         if pendulum == Pendulum::Double && rig.drive.is_some_and(|d| !Pendulum::Double.takes(d.direction)) {
             return Err(BadInput::new("\"horizontal\"", "\"vertical\"")

@@ -15,7 +15,7 @@ use crate::record::Record;
 use crate::record::cut::Part;
 use crate::rig::{Direction, Rig};
 use crate::system::library::Pendulum;
-use crate::wording::format::significant;
+use crate::wording::format::{shell_word, significant};
 
 /// Seconds that are looked at of a free system; drive periods of a driven one.
 const FREE_S: f64 = 40.0;
@@ -91,7 +91,9 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
         |d: &Draft, k: usize, what: &dyn Fn(&DraftChannel) -> String| what(&d.channels[k]) != what(&best.channels[k]);
     let counts = next(&|d| open.counts.iter().any(|k| differs(d, *k, &|c| format!("{:?}", c.counts_per_turn))));
     let units: Vec<f64> = open.units.iter().map(|k| next(&|d| differs(d, *k, &|c| c.unit.clone()))).collect();
-    let measures = next(&|d| d.channels.iter().zip(&best.channels).any(|(a, b)| a.measures != b.measures));
+    let measures_otherwise = |d: &Draft| d.channels.iter().zip(&best.channels).any(|(a, b)| a.measures != b.measures);
+    let measures = next(&measures_otherwise);
+    let rival = tried.iter().find(|t| measures_otherwise(&t.draft)).map(|t| otherwise(&t.draft)).unwrap_or_default();
     let other = |d: &Draft| match (frequency(d), frequency(&best)) {
         (Some(a), Some(b)) => !look.one_line(a, b),
         (a, b) => a.is_some() != b.is_some(),
@@ -109,7 +111,7 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
         tell_unit(&mut draft.channels[*k], founded(by));
     }
     if measures.is_finite() {
-        tell_measures(draft, measures, is_founded);
+        tell_measures(draft, measures, is_founded, &rival);
     }
     if of_line.is_finite() || found_here && is_guess {
         tell_drive(draft, of_line, is_guess, &rivals);
@@ -262,7 +264,15 @@ fn tell_unit(c: &mut DraftChannel, by: f64) {
     });
 }
 
-fn tell_measures(draft: &mut Draft, by: f64, is_founded: bool) {
+/// Which column shows what in a reading, and the options that say so.
+fn otherwise(draft: &Draft) -> String {
+    let each = |text: &dyn Fn(&DraftChannel) -> String| draft.channels.iter().map(text).collect::<Vec<_>>();
+    let columns = each(&|c| format!("{} as {}", c.name, c.measures)).join(" and ");
+    let options = each(&|c| format!("--map {}={}", c.measures, shell_word(&c.name))).join(" ");
+    format!("{columns} ({options})")
+}
+
+fn tell_measures(draft: &mut Draft, by: f64, is_founded: bool, rival: &str) {
     for c in &mut draft.channels {
         let what = match c.measures.as_str() {
             "theta1" | "phi1" => "the angle of arm 1",
@@ -275,7 +285,7 @@ fn tell_measures(draft: &mut Draft, by: f64, is_founded: bool) {
         } else if by > CLEARLY {
             Statement::new(&c.name, what, format!("the equations of motion fit so; {}", beside(by)))
         } else {
-            Statement::new(&c.name, what, "the equations of motion fit nearly as well otherwise").unsure()
+            Statement::new(&c.name, what, format!("the equations of motion fit nearly as well with {rival}")).unsure()
         });
     }
 }

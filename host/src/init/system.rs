@@ -15,6 +15,11 @@ use crate::system::{self, library};
 /// Counts a turn where nothing shows them: the commonest encoder, 1024 lines counted four times.
 pub(super) const COMMON: u32 = 4096;
 
+/// What to do for a system that is not in the list: a mass on a spring as the example.
+const OF_ONES_OWN: &str = "For another system write its equation of motion into a model file, a few lines for a mass on a spring: \
+     name = \"mass on a spring\", coordinates = [{ name = \"x\", space = \"R\" }], then [[equation]] with balance = \"-x''\" \
+     and terms = { k = \"x\", c = \"x'\" }; see docs/model-file.md";
+
 /// What was chosen.
 pub(super) struct Chosen {
     pub model: Option<String>,
@@ -67,7 +72,7 @@ fn named(system: &str, output: &Path) -> Result<(String, Needs)> {
         let names: Vec<&str> = MODELS.iter().map(|m| m.0).chain(library::all().iter().map(|l| l.0)).collect();
         return Err(BadInput::new(format!("\"{system}\""), format!("one of {}, or a model file", names.join(", ")))
             .at("--system")
-            .remedy("`whirl list models` says what they are"));
+            .remedy(format!("`whirl list models` says what they are. {OF_ONES_OWN}")));
     }
     let needs = of_source(toml_place::read(Path::new(system), "a model file")?)?;
     // Paths in a rig file are relative to it.
@@ -231,5 +236,5 @@ fn untold(raw: &Raw, seen: &[Seen], angles: usize) -> BadInput {
     )
     .in_file(&raw.path)
     .at("--system")
-    .remedy("Name it with --system; `whirl list models` says what each is")
+    .remedy(format!("Name it with --system; `whirl list models` says what each is. {OF_ONES_OWN}"))
 }

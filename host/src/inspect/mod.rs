@@ -15,6 +15,7 @@ use serde::Serialize;
 
 use crate::error::{BadInput, Result};
 use crate::identify::boots;
+use crate::identify::prepared::broken_by;
 use crate::model::MODELS;
 use crate::phase_space::survey::{self, PhaseSpace};
 use crate::record::Record;
@@ -126,12 +127,21 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
     if (longest_len as f64) < needed {
         let place = if record.segments.len() > 1 { "longest unbroken stretch" } else { "length" };
         return Err(BadInput::new(
-            format!("{longest_len} samples ({:.3} s at {rate} Hz)", longest_len as f64 / rate),
+            format!(
+                "{longest_len} {} ({:.3} s at {rate} Hz){}",
+                if longest_len == 1 { "sample" } else { "samples" },
+                longest_len as f64 / rate,
+                broken_by(record.losses.nan_rows)
+            ),
             format!("at least {needed:.0} samples ({window_s:.3} s: {window_name})"),
         )
         .in_file(&record.path)
         .at(place)
-        .remedy("Record longer without a break, or check the rig file's sample_rate_hz and drive.frequency_hz"));
+        .remedy(if record.losses.nan_rows > 0 {
+            "Find out why the sensor gives no number there; --resample bridges short gaps. Otherwise record longer"
+        } else {
+            "Record longer without a break, or check the rig file's sample_rate_hz and drive.frequency_hz"
+        }));
     }
 
     let motions = motion::motions(record);
@@ -196,12 +206,7 @@ fn known_model(rig: &Rig) -> Result<()> {
     if known.any(|id| id == rig.model) {
         return Ok(());
     }
-    let names: Vec<&str> = MODELS.iter().map(|m| m.0).collect();
-    let expected = format!("{}, or the path of a model file", names.join(", "));
-    Err(BadInput::new(format!("\"{}\"", rig.model), expected)
-        .in_file(&rig.path)
-        .at("model")
-        .remedy("`whirl list models` shows the models"))
+    Err(rig.no_such_model())
 }
 
 /// A record built by a program rather than by a reader may be inconsistent: told, not trusted.

@@ -18,6 +18,7 @@ use toml::{Table, Value};
 
 use crate::error::{BadInput, Result};
 use crate::model::parameter::Parameter;
+use crate::model::refused;
 use crate::system::library::Pendulum;
 
 /// Which equations the parameters belong to.
@@ -207,10 +208,7 @@ impl IdentifiedModel {
     /// Names the file, the key or line, the value found and the one expected.
     pub fn read(path: &Path) -> Result<Self> {
         let remedy = "Name a model that `whirl identify -o` or `whirl explain -o` wrote";
-        Self::parse(&crate::files::read_text(path, "an identified model", remedy)?).map_err(|e| {
-            e.in_file(path)
-                .remedy("Correct the file, or write it anew with `whirl identify -o`; its keys are in docs/validate.md")
-        })
+        Self::parse(&crate::files::read_text(path, "an identified model", remedy)?).map_err(|e| refused::told(e, path))
     }
 
     /// Parses and checks a file's text.
@@ -222,6 +220,7 @@ impl IdentifiedModel {
             let line = e.span().map_or(0, |s| source.get(..s.start).unwrap_or("").matches('\n').count() + 1);
             BadInput::new(e.message().replace('\n', " ").trim().to_owned(), "").at(format!("line {line}"))
         })?;
+        refused::other_file(&table)?;
         match table.remove("format") {
             None | Some(Value::Integer(FORMAT)) => {}
             Some(v) => return Err(bad("format", &v, &format!("{FORMAT}, which this version of whirl reads"))),

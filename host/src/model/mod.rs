@@ -9,6 +9,7 @@ pub mod identified;
 pub mod integrate;
 pub mod model_file;
 pub mod parameter;
+pub mod refused;
 pub mod single_pendulum;
 mod tableau;
 pub mod vectors;

@@ -104,7 +104,7 @@ pub(super) fn record(
     let mut warnings = Vec::new();
     let has = |name: &str| names.iter().any(|n| n == name);
     let read = sources(rig).columns;
-    let found = read.iter().map(|c| names::find(names, &c.name, path)).collect::<Result<Vec<usize>>>()?;
+    let found = names::find_all(names, &read, path)?;
     let columns: Vec<Array> = found.into_iter().map(|i| get(&names[i])).collect::<Result<_>>()?;
     let count = columns.first().map_or(0, Array::len);
     for (c, a) in read.iter().zip(&columns) {

@@ -38,7 +38,7 @@ pub(super) fn layout(head: &Head, path: &Path, rig: &Rig) -> Result<Layout> {
     let names = &head.names;
     let t = names::time_column(names, &rig.time, path)?;
     let columns = sources(rig).columns;
-    let channels = columns.iter().map(|c| names::find(names, &c.name, path)).collect::<Result<Vec<usize>>>()?;
+    let channels = names::find_all(names, &columns, path)?;
     let own = OWN_COLUMNS.map(|name| names.iter().position(|n| n == name));
     let own = match own {
         [Some(a), Some(b), Some(c)] => Some([a, b, c]),

@@ -9,6 +9,7 @@ use std::path::Path;
 
 use super::rows::missing_column;
 use crate::error::{BadInput, Result};
+use crate::rig::Channel;
 
 /// What the time is called, without its unit, in small letters.
 const TIMES: [&str; 16] = [
@@ -212,7 +213,7 @@ fn called_time(names: &[String], path: &Path) -> Result<usize> {
     }
     match called[..] {
         [one] => Ok(one),
-        [] => Err(missing_column(path, "t", names)),
+        [] => Err(missing_column(path, "t", names, &[])),
         [first, ..] => {
             let list: Vec<String> = called.iter().map(|i| format!("\"{}\"", names[*i])).collect();
             Err(BadInput::new(format!("{}, which all may be the time", list.join(" and ")), "one column for the time")
@@ -236,12 +237,29 @@ fn last_part(name: &str) -> Option<&str> {
     name.rsplit_once(['.', '/']).map(|(_, last)| last)
 }
 
+/// The columns of several names.
+///
+/// # Errors
+/// As [`find`].
+pub(super) fn find_all(names: &[String], wanted: &[Channel], path: &Path) -> Result<Vec<usize>> {
+    let used: Vec<&str> = wanted.iter().map(|c| c.name.as_str()).collect();
+    used.iter().map(|name| find_beside(names, name, &used, path)).collect()
+}
+
 /// The column of a name: as it stands, or the only one that differs in letters' case and separators
 /// alone, or the only field of a structure that is called so.
 ///
 /// # Errors
 /// None, or one twice.
 pub fn find(names: &[String], wanted: &str, path: &Path) -> Result<usize> {
+    find_beside(names, wanted, &[], path)
+}
+
+/// As [`find`], where other columns are read too: none of them is proposed instead.
+///
+/// # Errors
+/// As [`find`].
+pub(super) fn find_beside(names: &[String], wanted: &str, used: &[&str], path: &Path) -> Result<usize> {
     let mut exact = (0..names.len()).filter(|i| names[*i] == wanted);
     if let Some(first) = exact.next() {
         return if exact.next().is_some() { Err(twice(path, wanted)) } else { Ok(first) };
@@ -254,7 +272,7 @@ pub fn find(names: &[String], wanted: &str, path: &Path) -> Result<usize> {
         let fields: Vec<usize> = (0..names.len()).filter(|i| last_part(&names[*i]) == Some(wanted)).collect();
         if let [one] = fields[..] { Some(one) } else { None }
     };
-    like(&plain).or_else(field).ok_or_else(|| missing_column(path, wanted, names))
+    like(&plain).or_else(field).ok_or_else(|| missing_column(path, wanted, names, used))
 }
 
 #[cfg(test)]

@@ -347,12 +347,15 @@ pub(super) fn columns(structure: &Structure, path: &Path, rig: &Rig, own: bool, 
                 .remedy("Convert the column to numbers and save it again (in pandas: df[name].astype(\"float64\"))")),
         }
     };
+    let wanted = sources(rig).columns;
+    let used: Vec<&str> = wanted.iter().map(|c| c.name.as_str()).collect();
     let find = |name: &str| {
-        let place = names::find(&names, name, path).map_err(|e| nested(schema, name, path).unwrap_or(e))?;
+        let place =
+            names::find_beside(&names, name, &used, path).map_err(|e| nested(schema, name, path).unwrap_or(e))?;
         checked(places[place], false)
     };
     let own = if own { Some([find(OWN_COLUMNS[0])?, find(OWN_COLUMNS[1])?, find(OWN_COLUMNS[2])?]) } else { None };
-    let channels = sources(rig).columns.iter().map(|c| find(&c.name)).collect::<Result<_>>()?;
+    let channels = used.iter().map(|name| find(name)).collect::<Result<_>>()?;
     let choice = if own.is_some() { &TimeChoice::default() } else { &rig.time };
     let time = time(structure, &names, &places, choice, path)?;
     Ok(Columns { t: checked(time.index, true)?, time, channels, own, rate: rate.filter(|_| own.is_some()) })

@@ -9,12 +9,16 @@ use crate::wording::format::shortest;
 /// Greatest relative difference between the record's sampling rate and the rig file's.
 const RATE_TOLERANCE: f64 = 0.005;
 
+/// Greatest rate that times can mean in any unit, Hz.
+const FASTEST_HZ: f64 = 1e15;
+
 /// The record's rate, Hz; an error where the rig file says another.
 pub(super) fn check(path: &Path, rig: &Rig, count: u64, step: f64) -> Result<f64> {
     let (rate, nominal) = (1.0 / step, rig.sample_rate_hz);
     let near = (rate / nominal - 1.0).abs() <= RATE_TOLERANCE;
     if nominal == UNKNOWN_RATE {
-        return Ok(rate);
+        // Nothing says the rate but these times, whose unit may still be found to be another one.
+        return if count < 2 || rate <= FASTEST_HZ { Ok(rate) } else { Err(no_clock(path, step)) };
     }
     if count > 1 && !near {
         let other = [("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("min", 1.0 / 60.0)]
@@ -42,6 +46,14 @@ pub(super) fn check(path: &Path, rig: &Rig, count: u64, step: f64) -> Result<f64
     Ok(rate)
 }
 
+/// The error for times that no sampler has, where the rig file says no rate.
+fn no_clock(path: &Path, step: f64) -> BadInput {
+    BadInput::new(format!("rows {} s apart, from the first on", shortest(step)), "rows 1e-7 to 1e6 s apart")
+        .in_file(path)
+        .at("column t")
+        .remedy("The times must be in seconds: correct the column, or say its unit with --time COLUMN:UNIT")
+}
+
 /// What to do where the record's rate, Hz, is not the rig file's.
 fn rate_remedy(rate: f64, nominal: f64) -> String {
     // A rate that is off by a thousand or more is another unit of time.
@@ -63,6 +75,16 @@ fn rate_remedy(rate: f64, nominal: f64) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn times_that_no_sampler_has_are_the_records_fault() {
+        let rig = Rig::of_columns(&["x".to_owned()], crate::record::names::TimeChoice::default());
+        let told = |step| check(Path::new("r.csv"), &rig, 3, step).map_err(|e| e.to_string());
+        assert_eq!(told(0.5), Ok(2.0));
+        let e = told(5e-324).unwrap_err();
+        assert!(e.starts_with("r.csv: column t: found rows 5e-324 s apart"), "{e}");
+        assert!(check(Path::new("r.csv"), &rig, 1, 5e-324).is_ok());
+    }
 
     #[test]
     fn another_unit_of_time_is_named() {

@@ -7,9 +7,12 @@ use std::path::Path;
 
 use super::Column;
 use super::damage::Damage;
+use super::unwrap::turn;
 use crate::error::{BadInput, Result};
 use crate::rig::computed::{self, Sources};
 use crate::rig::{Channel, Rig};
+use crate::wording::close::closest;
+use crate::wording::format::shortest;
 
 /// Most rows that are read from one file: a bound on memory, 4.6 days at 500 Hz.
 pub(super) const ROW_LIMIT: usize = 200_000_000;
@@ -206,7 +209,15 @@ impl<'a> Rows<'a> {
         if let Some(&before) = self.t.last()
             && t <= before
         {
-            let found = if t == before { format!("{t} a second time") } else { format!("{t} after {before}") };
+            // As few digits as tell them apart.
+            let (short, short_before) = (shortest(t), shortest(before));
+            let found = if t == before {
+                format!("{t} a second time")
+            } else if short == short_before {
+                format!("{t} after {before}")
+            } else {
+                format!("{short} after {short_before}")
+            };
             return Err(self
                 .bad(place, name, found, "a time later than the row before")
                 .remedy("Sort the rows by time, or split the file where its clock was set back"));
@@ -246,6 +257,7 @@ impl<'a> Rows<'a> {
                 .remedy("Mend the cell, or leave it empty (that is a gap)"));
         }
         match self.columns[channel] {
+            Column::Values(_) if is_no_angle(c, value) => Err(self.no_angle(place, channel, value)),
             Column::Values(_) => Ok(Cell::Value(value)),
             Column::Counts(_) if value.fract() != 0.0 => Err(self
                 .bad(place, &c.name, value.to_string(), "a whole number of counts")
@@ -261,12 +273,22 @@ impl<'a> Rows<'a> {
     /// Checks a whole number for channel `channel`.
     pub(super) fn check_integer(&self, place: u64, channel: usize, value: i64) -> Result<Cell> {
         match self.columns[channel] {
+            Column::Values(_) if is_no_angle(&self.sources.columns[channel], value as f64) => {
+                Err(self.no_angle(place, channel, value as f64))
+            }
             Column::Values(_) => Ok(Cell::Value(value as f64)),
             Column::Counts(_) => match i32::try_from(value) {
                 Ok(count) => Ok(Cell::Count(count)),
                 Err(_) => Err(self.beyond(place, channel, value.to_string())),
             },
         }
+    }
+
+    /// The error for a value that no angle can have.
+    fn no_angle(&self, place: u64, channel: usize, value: f64) -> BadInput {
+        let c = &self.sources.columns[channel];
+        self.bad(place, &c.name, format!("{value:e}"), &format!("an angle in {}", c.unit))
+            .remedy("So large a number holds no part of a turn: mend the cell, or leave it empty (that is a gap)")
     }
 
     /// The error for a count beyond its type.
@@ -294,6 +316,12 @@ impl<'a> Rows<'a> {
     }
 }
 
+/// Whether a value of an angle is so large that binary64 no longer tells a thousandth of a turn: it
+/// is no angle that anything has measured, and would be taken for one that wraps.
+fn is_no_angle(channel: &Channel, value: f64) -> bool {
+    turn(channel).is_some_and(|turn| value.abs() * f64::EPSILON > turn / 1000.0)
+}
+
 /// The columns that are read for a rig. Its expressions were checked when it was read; one that was
 /// not is looked for as a column.
 pub(super) fn sources(rig: &Rig) -> Sources {
@@ -304,25 +332,21 @@ pub(super) fn sources(rig: &Rig) -> Sources {
 }
 
 /// The error for a column that a file does not have: lists those it has, and the closest as the
-/// remedy.
-pub(super) fn missing_column(path: &Path, wanted: &str, header: &[String]) -> BadInput {
+/// remedy, unless it is one of those that are used already.
+pub(super) fn missing_column(path: &Path, wanted: &str, header: &[String], used: &[&str]) -> BadInput {
     let list: Vec<String> = header.iter().take(40).map(|h| super::formats::shown(h.as_bytes())).collect();
     let more = if header.len() > 40 { format!(" and {} more", header.len() - 40) } else { String::new() };
-    let close = header
-        .iter()
-        .take(1000)
-        .map(|h| (distance(&h.to_lowercase(), &wanted.to_lowercase()), h))
-        .min()
-        .filter(|(d, h)| *d <= wanted.len().div_ceil(2).max(1) && !h.is_empty());
+    let free = header.iter().take(1000).map(String::as_str).filter(|h| !used.contains(h));
+    let close = closest(wanted, free);
     let remedy = match (wanted, close) {
-        ("t", Some((_, h))) if !is_numbered(header) => {
+        ("t", Some(h)) if !is_numbered(header) => {
             format!("If the column {h} holds the time, say --time \"{h}\", or time = \"{h}\" in the rig file")
         }
         ("t", _) if is_numbered(header) => {
             "The file has no header row that names its columns: say --time c1 (or time = \"c1\" in the rig file) where the first holds the time, or add a row such as t,count1,count2".to_owned()
         }
         ("t", _) => "Say which one is the time: --time COLUMN, or time = \"COLUMN\" in the rig file; or add a column t in seconds".to_owned(),
-        (_, Some((_, h))) => format!("Did you mean {h}? Set it as the channel's name in the rig file, or say --map MEASURE=COLUMN"),
+        (_, Some(h)) => format!("Did you mean {h}? Set it as the channel's name in the rig file, or say --map MEASURE=COLUMN"),
         (_, None) => "Set the channel's name in the rig file to one of these columns, or say --map MEASURE=COLUMN".to_owned(),
     };
     BadInput::new(format!("the columns {}{more}", list.join(", ")), format!("a column {wanted}"))
@@ -336,32 +360,25 @@ pub(super) fn is_numbered(header: &[String]) -> bool {
     header.iter().enumerate().all(|(i, h)| *h == format!("c{}", i + 1))
 }
 
-/// Levenshtein distance of two short names (longer ones are cut to 64 characters).
-fn distance(a: &str, b: &str) -> usize {
-    let (a, b): (Vec<char>, Vec<char>) = (a.chars().take(64).collect(), b.chars().take(64).collect());
-    let mut row: Vec<usize> = (0..=b.len()).collect();
-    for (i, x) in a.iter().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, y) in b.iter().enumerate() {
-            let next = (diagonal + usize::from(x != y)).min(row[j] + 1).min(row[j + 1] + 1);
-            diagonal = row[j + 1];
-            row[j + 1] = next;
-        }
-    }
-    row[b.len()]
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
+    fn what_resolves_no_part_of_a_turn_is_no_angle() {
+        let (rad, deg, metre) = (Channel::new("a", "rad"), Channel::new("a", "deg"), Channel::new("a", "m"));
+        assert!(is_no_angle(&rad, 1e30) && is_no_angle(&rad, -1e308) && is_no_angle(&deg, 1e30));
+        assert!(!is_no_angle(&rad, 1e13) && !is_no_angle(&deg, -1e15) && !is_no_angle(&metre, 1e30));
+    }
+
+    #[test]
     fn the_closest_column_is_proposed() {
         let header = ["t".to_owned(), "cuont1".to_owned(), "speed".to_owned()];
-        let e = missing_column(Path::new("x.csv"), "count1", &header).to_string();
+        let e = missing_column(Path::new("x.csv"), "count1", &header, &[]).to_string();
         assert!(e.contains("\"t\", \"cuont1\", \"speed\"") && e.contains("Did you mean cuont1?"), "{e}");
-        assert_eq!(distance("kitten", "sitting"), 3);
-        assert_eq!(distance("", "abc"), 3);
+        // One that another channel is read from is not meant.
+        let header = ["t", "winkel1", "count2"].map(str::to_owned);
+        let e = missing_column(Path::new("x.csv"), "count1", &header, &["count1", "count2"]).to_string();
+        assert!(!e.contains("Did you mean") && e.contains("--map MEASURE=COLUMN"), "{e}");
     }
 }

@@ -25,6 +25,30 @@ pub struct Sample<'a> {
     pub amplitude_nm: u32,
 }
 
+/// Endings of the records that are written.
+const ENDINGS: [&str; 4] = [".parquet", ".pq", ".csv", ".csv.gz"];
+
+/// Refuses a record's name whose ending promises a format that is not written: Parquet under such a
+/// name would be found out only by the program that opens it. What stands behind a dot without
+/// looking like an ending (`run.2`) is part of the name.
+///
+/// # Errors
+/// Names the endings that can be written.
+pub fn check_ending(path: &Path) -> Result<()> {
+    let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
+    let Some((_, ending)) = name.trim_start_matches('.').rsplit_once('.') else { return Ok(()) };
+    let promises = ending.starts_with(|c: char| c.is_ascii_alphabetic())
+        && ending.len() <= 7
+        && ending.chars().all(|c| c.is_ascii_alphanumeric());
+    if !promises || ENDINGS.iter().any(|known| name.ends_with(known)) {
+        return Ok(());
+    }
+    Err(BadInput::new(format!("a record with the ending .{ending}"), "one of .parquet, .csv, .csv.gz")
+        .in_file(path)
+        .at("-o")
+        .remedy("Name the record with one of these endings; without one it is Parquet"))
+}
+
 /// Writes a record sample by sample.
 pub struct RecordWriter {
     path: PathBuf,
@@ -143,6 +167,22 @@ impl RecordWriter {
         match self.inner {
             Inner::Parquet(w) => w.finish(losses),
             Inner::Csv(w) => w.finish(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_ending_that_is_not_written_is_refused() {
+        for name in ["r.parquet", "R.CSV", "a/r.csv.gz", "r.pq", "r", "run.2", "run 1.25 Hz", ".hidden", "a.b/r"] {
+            assert!(check_ending(Path::new(name)).is_ok(), "{name}");
+        }
+        for name in ["q.xlsx", "q.gz", "q.mat", "q.csv.zip", "q.json"] {
+            let e = check_ending(Path::new(name)).unwrap_err().to_string();
+            assert!(e.contains("one of .parquet, .csv, .csv.gz") && e.contains("-o"), "{e}");
         }
     }
 }

@@ -5,6 +5,7 @@ use std::path::Path;
 use super::{Channel, Drive, MOST_A_PERIOD, QUANTITIES, RATES, RigFile, UNITS};
 use crate::error::{BadInput, Result};
 use crate::record::names::{TimeChoice, per_second, time_units};
+use crate::wording::close::did_you_mean;
 
 /// Greatest gain and offset of a channel: instruments count in millionths or thousands.
 const SCALES: core::ops::RangeInclusive<f64> = 1e-15..=1e15;
@@ -27,8 +28,48 @@ pub(super) fn table(text: &str, path: &Path) -> Result<RigFile> {
         );
         let message = e.message().replace('\n', " ");
         let line = e.span().map_or("", |span| line_at(text, span.start));
-        BadInput::new(message.trim().to_owned(), "").in_file(path).at(place).remedy(remedy(&message, line))
+        in_plain_words(message.trim()).in_file(path).at(place).remedy(remedy(&message, line))
     })
+}
+
+/// A message of the TOML reader in the words of this program, as far as it is one of those that
+/// people meet.
+fn in_plain_words(message: &str) -> BadInput {
+    if let Some((key, known)) = unknown_key(message) {
+        return BadInput::new(format!("the key \"{key}\""), format!("one of {}", known.join(", ")));
+    }
+    let typed = message.strip_prefix("invalid type: ").or_else(|| message.strip_prefix("invalid value: "));
+    let Some((found, expected)) = typed.and_then(|m| m.rsplit_once(", expected ")) else {
+        return BadInput::new(message.to_owned(), "");
+    };
+    let (kind, value) = found.split_once(' ').unwrap_or((found, ""));
+    let found = match kind {
+        "string" => format!("the text {value}"),
+        "integer" => format!("the number {}", value.trim_matches('`')),
+        "floating" => format!("the number {}", value.trim_start_matches("point ").trim_matches('`')),
+        "boolean" => value.trim_matches('`').to_owned(),
+        "sequence" => "a list".to_owned(),
+        "map" => "a table".to_owned(),
+        _ => found.to_owned(),
+    };
+    let expected = match expected {
+        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, 0 or more, without quotes",
+        "i8" | "i16" | "i32" | "i64" | "isize" => "a whole number without quotes",
+        "f32" | "f64" => "a number without quotes",
+        "a string" => "a text in quotes",
+        "a boolean" => "true or false",
+        "a sequence" => "a list in brackets",
+        "a map" => "a table",
+        other => other,
+    };
+    BadInput::new(found, expected)
+}
+
+/// The key that a message of the TOML reader says is not known, and those that are.
+fn unknown_key(message: &str) -> Option<(&str, Vec<&str>)> {
+    let (key, known) = message.strip_prefix("unknown field `")?.split_once('`')?;
+    let known: Vec<&str> = known.split('`').skip(1).step_by(2).collect();
+    (!known.is_empty()).then_some((key, known))
 }
 
 /// The line of a byte.
@@ -38,14 +79,15 @@ fn line_at(text: &str, at: usize) -> &str {
 }
 
 /// What to do about a message of the TOML reader: it says what it met, not how it came about.
-fn remedy(message: &str, line: &str) -> &'static str {
+fn remedy(message: &str, line: &str) -> String {
     if line.trim_start().starts_with("[channel]") {
-        return "Write [[channel]] with two brackets: each is one of a list";
+        return "Write [[channel]] with two brackets: each is one of a list".to_owned();
     }
     if message.contains("invalid basic string") || message.contains("invalid literal string") {
-        return "Close the quote: a text stands between two of them on one line";
+        return "Close the quote: a text stands between two of them on one line".to_owned();
     }
-    "Correct this key; the keys of a rig file are listed in docs/rig-file.md"
+    let meant = unknown_key(message.trim()).map_or_else(String::new, |(key, known)| did_you_mean(key, known));
+    format!("{meant}Correct this key; the keys of a rig file are listed in docs/rig-file.md")
 }
 
 /// The error for a rig file without a rate where nothing says it.
@@ -238,6 +280,12 @@ mod tests {
             (format!("{head}{channel}{channel}"), "Write [[channel]] with two brackets"),
             (head.replace("other\"", "other"), "Close the quote"),
             (format!("{head}colour = 1\n"), "the keys of a rig file are listed"),
+            (format!("{head}drvie = 1\n"), "found the key \"drvie\", expected one of name, "),
+            (format!("{head}drvie = 1\n"), "Did you mean drive?"),
+            (
+                format!("{head}[{channel}counts_per_turn = \"4096\"\n").replace("[channel]", "[channel]]"),
+                "the text \"4096\", expected a whole number",
+            ),
         ] {
             let told = Rig::parse(&text, Path::new("rig.toml")).unwrap_err().to_string();
             assert!(told.contains(remedy), "{told}");

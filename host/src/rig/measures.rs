@@ -12,6 +12,7 @@ use nalgebra::DMatrix;
 
 use super::Rig;
 use crate::error::{BadInput, Result};
+use crate::model::MODELS;
 use crate::model::model_file::expression::{Symbol, as_number};
 use crate::model::model_file::parser::{Names, parse};
 use crate::model::model_file::toml_place::{self, Source};
@@ -21,6 +22,7 @@ use crate::system::bodies::Body;
 use crate::system::language::Placed;
 use crate::system::library::Pendulum;
 use crate::system::{self, library};
+use crate::wording::close::did_you_mean;
 
 /// What a channel measures that shows the base's own motion along the drive, as a position or as an
 /// acceleration: the input of the systems that have one of that name.
@@ -34,6 +36,25 @@ impl Rig {
     /// The built-in system of this rig; none for a model file and what is only reduced.
     pub fn pendulum(&self) -> Option<Pendulum> {
         Pendulum::named(&self.model)
+    }
+
+    /// The error for a model that has no equations to work with: a name that is not in the list, or
+    /// one of a system that is only reduced.
+    pub fn no_such_model(&self) -> BadInput {
+        let names = MODELS.iter().map(|m| m.0).chain(library::all().iter().map(|l| l.0));
+        let meant = did_you_mean(&self.model, names);
+        let only = if crate::reduce::systems::by_id(&self.model).is_some() {
+            ", which `whirl reduce` alone takes"
+        } else {
+            ""
+        };
+        let built_in: Vec<&str> = MODELS.iter().map(|m| m.0).collect();
+        let expected =
+            format!("{}, another system of `whirl list models`, or the path of a model file", built_in.join(", "));
+        BadInput::new(format!("\"{}\"{only}", self.model), expected)
+            .in_file(&self.path)
+            .at("model")
+            .remedy(format!("{meant}Correct the name; the path of a model file ends in .toml"))
     }
 
     /// Whether a coefficient or quantity that is called as one of a pendulum's is that: of a built-in
@@ -278,6 +299,14 @@ pub(crate) fn bound(rig: &Rig, model: ModelFile) -> Result<ObservedModel> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_model_that_is_misspelt_is_told_the_name_that_was_meant() {
+        let mut rig = Rig::of_columns(&[], crate::record::names::TimeChoice::default());
+        rig.model = "double-pendulm".to_owned();
+        let e = rig.no_such_model().to_string();
+        assert!(e.contains("Did you mean double-pendulum?") && e.contains("`whirl list models`"), "{e}");
+    }
 
     const MODEL: &str = r#"name = "m"
 coordinates = [{ name = "a", space = "S1" }, { name = "b", space = "S1" }]

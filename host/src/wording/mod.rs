@@ -2,10 +2,12 @@
 //!
 //! | file | what |
 //! |---|---|
+//! | [`close`] | the name that was meant |
 //! | [`format`](mod@format) | digits that the uncertainty warrants, SI units, powers of ten |
 //! | [`names`] | plain names of effects and parameters |
 //! | [`symbols`] | Greek letters, subscripts, derivatives: plain, HTML, SVG, MathML |
 
+pub mod close;
 pub mod format;
 pub mod names;
 pub mod symbols;

@@ -92,6 +92,34 @@ fn merged_shards_have_the_bytes_of_one_run_whatever_the_threads() {
     assert!(twice.status == 2 && twice.stderr.contains("a second time"), "{twice:?}");
 }
 
+#[cfg(unix)]
+#[test]
+fn ctrl_c_says_what_is_done_and_how_to_go_on() {
+    let folder = folder();
+    let at = folder.path();
+    let arguments = format!("batch identify {RECORDS} --rig rig.toml --method weak --out t.csv --threads 1");
+    let run = command()
+        .current_dir(at)
+        .args(arguments.split_whitespace())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    let journal = at.join("t.csv.journal");
+    let lines = || std::fs::read_to_string(&journal).map_or(0, |text| text.lines().count());
+    let begun = Instant::now();
+    while lines() < 2 && begun.elapsed() < Duration::from_secs(300) {
+        std::thread::sleep(Duration::from_millis(1));
+    }
+    let sent = std::process::Command::new("kill").args(["-INT", &run.id().to_string()]).status().unwrap();
+    assert!(sent.success());
+    let output = run.wait_with_output().unwrap();
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(130), "{told}");
+    assert!(told.contains("interrupted: ") && told.contains(" of 5 done; go on with --resume"), "{told}");
+    assert!(!at.join("t.csv").exists());
+    assert_eq!(identify(at, "--out t.csv --resume").status, 1);
+}
+
 #[test]
 fn a_killed_batch_goes_on_to_the_same_bytes() {
     let folder = folder();

@@ -53,6 +53,8 @@ fn a_record_that_is_there_is_replaced_with_force_alone() {
     // Whatever its name, and for results as well.
     std::fs::copy(at.join("r.parquet"), at.join("model.toml")).unwrap();
     refused(at, "identify r.csv --rig rig.toml -o model.toml", &["-o", "a record that is there already", "--force"]);
+    refused(at, "simulate --rig rig.toml --seconds 1 -o q.xlsx", &["q.xlsx", "-o", ".parquet, .csv, .csv.gz"]);
+    refused(at, "capture --from sim --rig rig.toml --seconds 1 -o q.mat", &["q.mat", "-o", ".parquet, .csv, .csv.gz"]);
     std::fs::copy(at.join("rig.toml"), at.join("other.toml")).unwrap();
     refused(at, "identify r.csv --rig rig.toml -o other.toml", &["-o", "a rig file that is there already"]);
     refused(at, "inspect r.csv --rig rig.toml --json r.parquet", &["--json", "a record that is there already"]);

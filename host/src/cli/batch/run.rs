@@ -228,6 +228,25 @@ fn misused(rows: &[(usize, Row)]) -> Option<BadInput> {
     (error.starts_with("--") && rows.iter().all(|(_, row)| same(row))).then(|| BadInput::new(error, ""))
 }
 
+/// What is told of a batch that a signal ended.
+fn interrupted(done: u64, of: usize) -> String {
+    format!("interrupted: {done} of {of} done; go on with --resume")
+}
+
+/// Ctrl-C, SIGTERM and SIGHUP end the batch at once, with a line that says how to go on: a record
+/// may take minutes, and those that are done are in the journal. Where signals cannot be caught,
+/// the batch ends without the line.
+fn tell_of_signals(line: &ProgressBar, of: usize) {
+    let line = line.clone();
+    let _ = ctrlc::set_handler(move || {
+        // A line that is finished counts as full.
+        let done = line.position();
+        line.finish_and_clear();
+        crate::error::tell(interrupted(done, of));
+        std::process::exit(130);
+    });
+}
+
 /// The records of a shard, or all of them.
 fn tasks(all: &[PathBuf], shard: Option<super::Shard>) -> Vec<Task<'_>> {
     let shard = shard.unwrap_or(super::Shard { number: 1, of: 1 });
@@ -290,6 +309,7 @@ pub fn run<C: Single>(batch: &Of<C>, matches: Option<&ArgMatches>) -> Result<Ans
         line: &line,
         negative: AtomicUsize::new(0),
     };
+    tell_of_signals(&line, tasks.len());
     let rows = work.rows(&tasks)?;
     line.finish_and_clear();
     if let Some(error) = misused(&rows) {

@@ -94,7 +94,7 @@ pub fn read(source: &Source) -> Result<Vec<Entry>> {
 fn one(r: &Reader<'_>, t: &DeTable<'_>, at: usize, before: &[Entry]) -> Result<Entry> {
     let known: Vec<&str> = KEYS.into_iter().chain(["advances", "drags"]).collect();
     r.source.known_keys(t, &known, "an effect")?;
-    let id = r.source.text(r.source.required(t, at..at, "id", "a name such as \"magnet\"")?, "a name")?.to_owned();
+    let id = r.source.text(r.source.effect_key(t, at..at, "id", "a name such as \"magnet\"")?, "a name")?.to_owned();
     let plain = |c: char| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '-';
     if id.is_empty() || id.len() > 40 || !id.chars().all(plain) {
         let here = t.get("id").map_or(at, |v| v.span().start);
@@ -117,7 +117,7 @@ fn one(r: &Reader<'_>, t: &DeTable<'_>, at: usize, before: &[Entry]) -> Result<E
         };
         return Ok(Entry { id, alias: true, ..same.clone() });
     }
-    let place = r.source.required(t, at..at, "at", KINDS)?;
+    let place = r.source.effect_key(t, at..at, "at", KINDS)?;
     let name = r.source.text(place, KINDS)?;
     let Some((_, place_at, vocabulary)) = PLACES.iter().find(|p| p.0 == name) else {
         return Err(r
@@ -197,7 +197,7 @@ fn law<'a, 'i>(r: &Reader<'_>, t: &'a DeTable<'i>, at: usize, place: At) -> Resu
 }
 
 fn strengths(r: &Reader<'_>, t: &DeTable<'_>, at: usize) -> Result<Vec<String>> {
-    let v = r.source.required(t, at..at, "strengths", "a list of names such as [\"k\"]")?;
+    let v = r.source.effect_key(t, at..at, "strengths", "a list of names such as [\"k\"]")?;
     let DeValue::Array(list) = v.get_ref() else {
         return Err(r
             .source

@@ -45,8 +45,14 @@ fn bad<T>(found: String, expected: &str) -> Result<T> {
 pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -> Result<()> {
     match &model.system {
         System::Own(table) if *table == own_keys(&setting.whole.model)? => {}
-        System::Own(_) => return bad("other equations".to_owned(), "those of the rig's model file"),
-        System::BuiltIn(id) => return bad(format!("a model of \"{id}\""), "a model of the rig's own system"),
+        System::Own(_) => {
+            let expected = format!("those of {}, which {} names", setting.rig.model, setting.rig.path.display());
+            return bad(format!("other equations, of \"{}\"", model.name), &expected);
+        }
+        System::BuiltIn(id) => {
+            let expected = format!("one of {}, which {} names", setting.rig.model, setting.rig.path.display());
+            return bad(format!("a model of \"{id}\""), &expected);
+        }
     }
     check_drive(model, setting.rig).map_err(told)?;
     let mut by_name = BTreeMap::new();

@@ -17,6 +17,15 @@ pub struct Source {
     pub path: PathBuf,
 }
 
+/// The user's page of model files, and of effect files.
+const MODEL_PAGE: &str = "docs/model-file.md";
+const EFFECT_PAGE: &str = "docs/effects.md";
+
+/// The page that tells the keys of what is called so.
+fn page(what: &str) -> &'static str {
+    if what.contains("effect") || what.contains("shape parameter") { EFFECT_PAGE } else { MODEL_PAGE }
+}
+
 /// A value with its place.
 pub type Value<'i> = Spanned<DeValue<'i>>;
 
@@ -55,7 +64,7 @@ impl Source {
             None => Ok(()),
             Some(key) => Err(self
                 .bad(key.span().start, format!("the key \"{}\"", key.get_ref()), format!("one of {}", known.join(", ")))
-                .remedy(format!("These are the keys of {what}; see docs/model-file.md"))),
+                .remedy(format!("These are the keys of {what}; see {}", page(what)))),
         }
     }
 
@@ -67,10 +76,22 @@ impl Source {
         key: &str,
         expected: &str,
     ) -> Result<&'a Value<'i>> {
-        table.get(key).ok_or_else(|| {
-            self.bad(span.start, format!("no key \"{key}\""), expected.to_owned())
-                .remedy(format!("Add {key}; see docs/model-file.md"))
-        })
+        table.get(key).ok_or_else(|| self.no_key(span.start, key, expected, MODEL_PAGE))
+    }
+
+    /// The same in an effect file.
+    pub fn effect_key<'a, 'i>(
+        &self,
+        table: &'a DeTable<'i>,
+        span: Range<usize>,
+        key: &str,
+        expected: &str,
+    ) -> Result<&'a Value<'i>> {
+        table.get(key).ok_or_else(|| self.no_key(span.start, key, expected, EFFECT_PAGE))
+    }
+
+    fn no_key(&self, byte: usize, key: &str, expected: &str, page: &str) -> BadInput {
+        self.bad(byte, format!("no key \"{key}\""), expected).remedy(format!("Add {key}; see {page}"))
     }
 
     /// A text.
