@@ -90,6 +90,15 @@ pub fn drive(file: &SystemFile) -> Option<Drive> {
     Some(Drive { along, components: point.len(), y })
 }
 
+/// Whether a joint's coordinates are angles that are counted over turns, and an entry's law has
+/// harmonics of them alone: what acts near one angle is for those on a circle.
+fn winds(file: &SystemFile, bound: &ObservedModel, entry: &Entry, joint: usize) -> bool {
+    let moves = &file.joints[joint].moves.value;
+    let mut own = (0..bound.angles.len()).filter(|k| moves.moves(|s| s == Symbol::Coordinate(*k))).peekable();
+    let is_harmonic = entry.shapes.iter().all(|s| s.within.is_none());
+    is_harmonic && own.peek().is_some() && own.all(|k| bound.angles[k])
+}
+
 /// Whether an angle takes part in an expression.
 fn turns(file: &SystemFile, p: &Polynomial) -> bool {
     (0..file.coordinates.len())
@@ -124,7 +133,7 @@ pub fn of(entry: &Entry, file: &SystemFile, bound: &ObservedModel) -> Vec<Place>
     let vertical = |d: &Drive| d.along + 1 == d.components;
     match entry.at {
         At::Joint => (0..file.joints.len())
-            .filter(|&k| !entry.turning || turns(file, &file.joints[k].moves.value))
+            .filter(|&k| !entry.turning || turns(file, &file.joints[k].moves.value) || winds(file, bound, entry, k))
             .filter(|&k| !entry.names(LOAD) || has_load(file, k))
             .map(Place::Joint)
             .collect(),

@@ -45,3 +45,32 @@ fn told(record: &Record, end_s: f64) -> Warning {
     let advice = "What came before is explained; one orbit cannot tell effects apart (`whirl plan` proposes settings)";
     Warning::new("locks-later", text, advice).with("from_s", end_s)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::{Column, Segment};
+    use std::path::Path;
+
+    /// A motion of two frequencies for 30 s, then one of the drive's alone, is cut where it begins to
+    /// repeat; one that never does is not.
+    #[test]
+    fn what_came_before_a_motion_repeats_is_cut() {
+        let rig = Rig::parse(include_str!("../../../rigs/chaotic.toml"), Path::new("rig.toml")).unwrap();
+        let drive_hz = rig.drive.unwrap().frequency_hz;
+        let made = |until_s: f64| {
+            let angle = |t: f64| {
+                let other = if t < until_s { (0.713 * drive_hz * t * core::f64::consts::TAU).sin() } else { 0.0 };
+                200.0 * (drive_hz * t * core::f64::consts::TAU).sin() + 150.0 * other
+            };
+            let column = |by: f64| (0..60_000).map(|i| (by * angle(f64::from(i) / 500.0)).round() as i32).collect();
+            let columns = vec![Column::Counts(column(1.0)), Column::Counts(column(1.4))];
+            Record::of("made", &rig, vec![Segment::new(0.0, 0.002, columns)])
+        };
+        let end_s = freely_until_s(&made(30.0), &rig).unwrap();
+        assert!((29.0..32.0).contains(&end_s), "{end_s}");
+        let before = until(&made(30.0), end_s).unwrap();
+        assert!((before.duration_s() - end_s).abs() < 0.1, "{}", before.duration_s());
+        assert_eq!(freely_until_s(&made(f64::INFINITY), &rig), None);
+    }
+}

@@ -163,7 +163,8 @@ fn with_model(rig: &Rig, model: ModelFile) -> Result<Rig> {
     let coordinates = shown.clone().try_inverse().unwrap_or_else(|| DMatrix::identity(n, n));
     let inputs: Vec<usize> = if model.inputs.is_empty() { Vec::new() } else { rig.base().into_iter().collect() };
     let base = (!inputs.is_empty()).then_some(0);
-    let bound = ObservedModel { model: Arc::new(model), sensors, shown, coordinates, inputs, base };
+    let angles = model.circle();
+    let bound = ObservedModel { model: Arc::new(model), sensors, shown, coordinates, angles, inputs, base };
     let mut out = Rig { bound: Some(Arc::new(bound)), ..rig.clone() };
     for c in &mut out.channel {
         c.measures = match c.measures.as_str() {

@@ -81,6 +81,9 @@ pub struct ObservedModel {
     pub shown: DMatrix<f64>,
     /// S⁻¹.
     pub coordinates: DMatrix<f64>,
+    /// Which coordinates channels show as angles: on the circle, and on the line, as of a shaft whose
+    /// spring winds up over turns.
+    pub angles: Vec<bool>,
     /// Channel of each input.
     pub inputs: Vec<usize>,
     /// Which of the inputs is the base's acceleration, where a channel shows that or its position.
@@ -293,7 +296,10 @@ pub(crate) fn bound(rig: &Rig, model: ModelFile) -> Result<ObservedModel> {
         check_base(rig)?;
     }
     let inputs = inputs.into_iter().flatten().collect();
-    Ok(ObservedModel { model: Arc::new(model), sensors, shown, coordinates, inputs, base })
+    let turns = |r: usize| matches!(rig.channel[sensors[r]].unit.as_str(), "count" | "rad" | "deg");
+    let is_angle = |k: usize| (0..sensors.len()).any(|r| shown[(r, k)] != 0.0 && turns(r));
+    let angles = (0..model.coordinates.len()).map(is_angle).collect();
+    Ok(ObservedModel { model: Arc::new(model), sensors, shown, coordinates, angles, inputs, base })
 }
 
 #[cfg(test)]

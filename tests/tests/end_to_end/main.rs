@@ -35,6 +35,7 @@ mod quarter_car;
 mod reduced;
 mod schema;
 mod shaft;
+mod stick_slip;
 mod suspects_equations;
 mod suspects_record;
 mod tracked;

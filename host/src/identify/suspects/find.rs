@@ -15,6 +15,8 @@ use super::hypotheses::{kinds, search_scale, search_time, small, statements};
 use super::scene::{Misfit, Noise, Scene};
 use super::undo::Undo;
 
+/// Fall of the mean of ln r² from which a reversed channel fits better than as it stands (by hand).
+const FITS_BETTER: f64 = 0.1;
 /// Share of the misfit that may be left.
 const SOLVED: f64 = 0.2;
 /// The same where all other kinds leave at least twice as much.
@@ -59,6 +61,11 @@ pub(super) fn find(scene: &Scene, base: &Misfit) -> Option<Finding> {
     let before = few.misfit()?;
     let solved = |tried: &[Tried]| tried.iter().any(|t| t.left.log <= SOLVED * before.log);
     let mut tried = try_all(&few, statements(&few), None);
+    // Of odd equations a reversed channel's have the same solution with other signs: what differs
+    // is the noise that was drawn.
+    let fits_better =
+        |t: &Tried| !matches!(t.undo, Undo::Reverse(_)) || t.left.residual < before.residual - FITS_BETTER;
+    tried.retain(fits_better);
     if !solved(&tried) {
         // A number that is off by little is found from where it stands.
         let near = kinds(&few)

@@ -58,6 +58,8 @@ pub(super) struct Scene {
 pub(super) struct Misfit {
     /// Mean of ln(r²/n²).
     pub log: f64,
+    /// Mean of ln r².
+    pub residual: f64,
     /// Coefficients, equation by equation.
     pub coefficients: Vec<DVector<f64>>,
     /// Their standard errors, one after the other.
@@ -207,7 +209,7 @@ impl Scene {
         let frequencies = self.geometry.windows.frequencies;
         let solution = regression::solve(&rows, &terms, frequencies).ok()?;
         let noise = noise.cloned().unwrap_or_else(|| self.noise(&solution.coefficients));
-        let mut sum = 0.0;
+        let (mut sum, mut left) = (0.0, 0.0);
         for (e, x) in solution.coefficients.iter().enumerate() {
             let p = x.len();
             let mut target = vec![0.0; frequencies + 1];
@@ -221,11 +223,13 @@ impl Scene {
                 let least = EXACT * EXACT * mean;
                 let (r2, n2) = (solution.residual_rms[e][m].powi(2), noise[e][m]);
                 sum += ((r2 + least) / (n2 + least)).ln();
+                left += (r2 + least).ln();
             }
         }
-        let log = sum / ((frequencies + 1) * terms.len()) as f64;
+        let count = ((frequencies + 1) * terms.len()) as f64;
+        let (log, residual) = (sum / count, left / count);
         let std_errors = solution.covariance.diagonal().iter().map(|v| v.max(0.0).sqrt()).collect();
-        log.is_finite().then_some(Misfit { log, coefficients: solution.coefficients, std_errors, noise })
+        log.is_finite().then_some(Misfit { log, residual, coefficients: solution.coefficients, std_errors, noise })
     }
 
     /// Mean square of what the sensors' noise adds to each equation's residuals, by frequency.

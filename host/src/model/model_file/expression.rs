@@ -153,23 +153,34 @@ pub enum Expression {
 
 use Expression as E;
 
-/// The number k for which a = k b, by their values at a few points; none where there is none.
+/// Sizes of motion at which two expressions are compared, in turn, and points: what falls off within
+/// a small velocity is nothing at large ones.
+const SIZES: [f64; 4] = [1.0, 0.1, 0.01, 1e-3];
+const COMPARED: u32 = 12;
+/// Share by which a ratio may differ from point to point: rounding where small motions cancel.
+const ALIKE: f64 = 1e-7;
+
+/// The number k for which a = k b, by their values at points of several sizes; none where there is
+/// none. Where both are zero nothing is said.
 pub fn multiple(a: &Node, b: &Node) -> Option<f64> {
     // Neither sums nor differences of two coordinates stand still from point to point.
     let wave = |size: f64, k: f64, i: usize| size * (1.7 * k + 2.3 * i as f64 + 0.4 * k * i as f64 + 0.5).sin();
-    let at = |e: &Node, k: f64| {
+    let at = |e: &Node, point: u32| {
+        let (k, size) = (f64::from(point), SIZES[point as usize % SIZES.len()]);
         e.value(&|s| match s {
-            Symbol::Coordinate(i) => wave(1.9, k, i),
-            Symbol::Rate(i) => wave(2.3, k + 0.7, i),
-            Symbol::Acceleration(i) => wave(3.1, k + 1.3, i),
-            Symbol::Input(i) => wave(1.3, k + 2.1, i),
-            Symbol::Memory(i) => wave(1.1, k + 2.9, i),
+            Symbol::Coordinate(i) => size * wave(1.9, k, i),
+            Symbol::Rate(i) => size * wave(2.3, k + 0.7, i),
+            Symbol::Acceleration(i) => size * wave(3.1, k + 1.3, i),
+            Symbol::Input(i) => size * wave(1.3, k + 2.1, i),
+            Symbol::Memory(i) => size * wave(1.1, k + 2.9, i),
             // Times unevenly apart, lest a tone be the same at all of them.
             _ => 0.4 + 0.7 * (0.618_034 * k * k).fract(),
         })
     };
-    let ratios: Vec<f64> = (0..8).map(|k| at(a, f64::from(k)) / at(b, f64::from(k))).collect();
-    ratios.iter().all(|r| r.is_finite() && (r - ratios[0]).abs() < 1e-9 * (1.0 + ratios[0].abs())).then(|| ratios[0])
+    let both = (0..COMPARED).map(|point| (at(a, point), at(b, point)));
+    let ratios: Vec<f64> = both.filter(|v| *v != (0.0, 0.0)).map(|(a, b)| a / b).collect();
+    let first = *ratios.first()?;
+    ratios.iter().all(|r| r.is_finite() && (r - first).abs() <= ALIKE * first.abs()).then_some(first)
 }
 
 /// What a hat is at a distance from its node.

@@ -41,3 +41,23 @@ fn numbers_fold_and_join() {
     assert_eq!(subtract(x.clone(), number(0.0)), x);
     assert!((hat(6.2, 0.5, Some(6.0)) - 0.6).abs() < 1e-12);
 }
+
+/// What falls within a small velocity is no multiple of the sign, though it is nothing at large
+/// ones; a tone at whole cycles of evenly spaced times is no constant.
+#[test]
+fn a_multiple_is_one_at_motions_of_every_size() {
+    let v = || symbol(Symbol::Rate(0));
+    let sign = || call(Function::Sign, v());
+    let falls = |within: f64| {
+        let u = divide(v(), number(within));
+        multiply(call(Function::Exp, subtract(number(0.0), multiply(u.clone(), u))), sign())
+    };
+    for within in [0.003, 0.03, 0.06, 1.0] {
+        assert_eq!(multiple(&falls(within), &sign()), None, "{within}");
+    }
+    let twice = multiple(&multiply(number(2.0), sign()), &sign()).unwrap();
+    assert!((twice - 2.0).abs() < 1e-12, "{twice}");
+    let tone = call(Function::Cos, multiply(number(core::f64::consts::TAU * 50.0), symbol(Symbol::Time)));
+    assert_eq!(multiple(&tone, &number(1.0)), None);
+    assert_eq!(multiple(&number(0.0), &number(0.0)), None);
+}

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::Physical;
 use super::Setting;
 use crate::effects::columns::{self, Action, LOAD};
-use crate::effects::entry::{At, Entry, Form, LENGTH, MASS, Verb, stand_ins};
+use crate::effects::entry::{At, Entry, Form, LENGTH, MASS, Shape, Verb, stand_ins};
 use crate::effects::places::Place;
 use crate::effects::written::load;
 use crate::effects::{along_an_arm, between, kinds, places};
@@ -122,7 +122,8 @@ impl Setting<'_> {
         if !rate && !entry.names("x") {
             return entry.clone();
         }
-        factor(&shape.grid, self.size(&moves, rate)).map_or_else(|| entry.clone(), |by| scaled(entry, &[by]))
+        let size = self.size(&moves, rate);
+        factor(&shape.grid, size).map_or_else(|| reaching(entry, size), |by| scaled(entry, &[by]))
     }
 
     /// Rms of a joint's position (within a turn where it is an angle), or of its velocity by
@@ -153,6 +154,20 @@ fn factor(grid: &[f64], size: f64) -> Option<f64> {
     let (low, high) = grid.iter().fold((f64::INFINITY, 0.0_f64), |(l, h), x| (l.min(*x), h.max(*x)));
     let is_size = low > 0.0 && high.is_finite() && size > 0.0 && size.is_finite();
     (is_size && !(2.0 * low..0.5 * high).contains(&size)).then(|| size / (low * high).sqrt())
+}
+
+/// How far beside the motion's size a shape that is a size may be refined, as a factor (by hand).
+const REACH: f64 = 100.0;
+
+/// An entry whose bounds hold a hundredth and a hundred times the motion's size, where its shapes
+/// are sizes.
+fn reaching(entry: &Arc<Entry>, size: f64) -> Arc<Entry> {
+    let mut out = (**entry).clone();
+    let is_size = |s: &Shape| s.grid.iter().all(|x| *x > 0.0) && size > 0.0 && size.is_finite();
+    for shape in out.shapes.iter_mut().filter(|s| is_size(s)) {
+        shape.within = shape.within.map(|[low, high]| [low.min(size / REACH), high.max(REACH * size)]);
+    }
+    Arc::new(out)
 }
 
 /// An entry with its shapes' values and bounds multiplied.
