@@ -20,6 +20,8 @@ pub struct Reported {
     pub std_error: f64,
     /// Further parameters, shapes among them.
     pub parameters: BTreeMap<String, f64>,
+    /// Standard errors of those that are no whole numbers and were fitted.
+    pub std_errors: BTreeMap<String, f64>,
 }
 
 /// An expression over strengths, then shape parameters.
@@ -71,18 +73,28 @@ pub fn report(
     };
     let text = entry.value.clone().unwrap_or_else(|| entry.strengths[0].clone());
     let value = expression(entry, &text).unwrap_or_default();
-    let gradient = DVector::from_fn(d, |i, _| partial(&value, &Atom::Parameter(i)).map_or(0.0, |g| at(&g)) * scale);
-    let mut variance = (gradient.transpose() * covariance * &gradient)[(0, 0)];
-    for (i, (name, _)) in form.iter().enumerate() {
-        let own = partial(&value, &Atom::Parameter(d + i)).map_or(0.0, |g| at(&g));
-        variance += own * own * moved.get(name).copied().unwrap_or(0.0);
-    }
+    let error = |of: &Polynomial| {
+        let slope = |i: usize| partial(of, &Atom::Parameter(i)).map_or(0.0, |g| at(&g));
+        let gradient = DVector::from_fn(d, |i, _| slope(i) * scale);
+        let mut variance = (gradient.transpose() * covariance * &gradient)[(0, 0)];
+        for (i, (name, _)) in form.iter().enumerate() {
+            variance += slope(d + i).powi(2) * moved.get(name).copied().unwrap_or(0.0);
+        }
+        variance.max(0.0).sqrt()
+    };
     let mut parameters: BTreeMap<String, f64> =
         form.iter().filter(|s| entry.value.as_deref() != Some(&s.0)).cloned().collect();
+    let mut std_errors: BTreeMap<String, f64> = moved
+        .iter()
+        .filter(|m| parameters.contains_key(m.0))
+        .map(|(name, v)| (name.clone(), v.max(0.0).sqrt()))
+        .collect();
     for (name, text) in &entry.also {
-        parameters.insert(name.clone(), expression(entry, text).map_or(f64::NAN, |p| at(&p)));
+        let of = expression(entry, text);
+        parameters.insert(name.clone(), of.as_ref().map_or(f64::NAN, at));
+        std_errors.extend(of.ok().map(|of| (name.clone(), error(&of))));
     }
-    Reported { value: at(&value), std_error: variance.max(0.0).sqrt(), parameters }
+    Reported { value: at(&value), std_error: error(&value), parameters, std_errors }
 }
 
 #[cfg(test)]
@@ -99,6 +111,9 @@ mod tests {
         assert!((r.value - 10.0).abs() < 1e-12);
         assert!((r.std_error - 2.0 * (0.36 * 0.01_f64 + 0.64 * 0.04).sqrt()).abs() < 1e-12, "{r:?}");
         assert!((r.parameters["psi"] - 4.0_f64.atan2(3.0)).abs() < 1e-12 && r.parameters["n"] == 7.0);
+        // ∂ψ/∂(C, S) = (−S, C)/A².
+        let expected = (0.16_f64.powi(2) * 0.01 + 0.12_f64.powi(2) * 0.04).sqrt();
+        assert!((r.std_errors["psi"] - expected).abs() < 1e-9 && r.std_errors.len() == 1, "{r:?}");
     }
 
     #[test]

@@ -45,6 +45,9 @@ pub struct Found {
     pub equation: String,
     /// Parameters beyond the value.
     pub parameters: BTreeMap<String, f64>,
+    /// Standard errors of those of them that were fitted.
+    #[serde(skip_serializing_if = "BTreeMap::is_empty")]
+    pub parameter_std_errors: BTreeMap<String, f64>,
     /// Effects that held-out data do not tell from it, `ID@PLACE`.
     pub indistinguishable_from: Vec<String>,
     /// Probability of so large a strength by chance.
@@ -89,6 +92,7 @@ impl Found {
             unit,
             equation: String::new(),
             parameters: BTreeMap::new(),
+            parameter_std_errors: BTreeMap::new(),
             indistinguishable_from: Vec::new(),
             p_value: 1.0,
             held_out_gain: 0.0,

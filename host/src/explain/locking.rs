@@ -60,15 +60,16 @@ mod tests {
         let drive_hz = rig.drive.unwrap().frequency_hz;
         let made = |until_s: f64| {
             let angle = |t: f64| {
-                let other = if t < until_s { (0.713 * drive_hz * t * core::f64::consts::TAU).sin() } else { 0.0 };
-                200.0 * (drive_hz * t * core::f64::consts::TAU).sin() + 150.0 * other
+                let other = if t < until_s { (0.618_034 * drive_hz * t * core::f64::consts::TAU).sin() } else { 0.0 };
+                200.0 * (drive_hz * t * core::f64::consts::TAU).sin() + 200.0 * other
             };
             let column = |by: f64| (0..60_000).map(|i| (by * angle(f64::from(i) / 500.0)).round() as i32).collect();
             let columns = vec![Column::Counts(column(1.0)), Column::Counts(column(1.4))];
             Record::of("made", &rig, vec![Segment::new(0.0, 0.002, columns)])
         };
         let end_s = freely_until_s(&made(30.0), &rig).unwrap();
-        assert!((29.0..32.0).contains(&end_s), "{end_s}");
+        // Nearly all of what follows must repeat: a little before it does.
+        assert!((25.0..31.0).contains(&end_s), "{end_s}");
         let before = until(&made(30.0), end_s).unwrap();
         assert!((before.duration_s() - end_s).abs() < 0.1, "{}", before.duration_s());
         assert_eq!(freely_until_s(&made(f64::INFINITY), &rig), None);

@@ -6,7 +6,7 @@ use super::engine::attractor::{Attractor, LONGEST, TOLERANCE_DEG};
 use super::engine::residual_map::Where;
 use super::{Explanation, Step, Verdict};
 use crate::report::card::Card;
-use crate::wording::format::{percent, rounded, shortest, significant};
+use crate::wording::format::{Z95, percent, plus_minus, rounded, shortest, significant};
 use crate::wording::symbols::symbol_plain;
 
 /// The answer for people: its card first, then what it rests on.
@@ -18,8 +18,12 @@ pub fn human(e: &Explanation, card: &Card) -> String {
 fn rests_on(e: &Explanation) -> String {
     let mut out = String::new();
     for f in &e.effects {
+        let number = |(k, v): (&String, &f64)| match f.parameter_std_errors.get(k) {
+            Some(error) if *error > 0.0 => plus_minus(*v, Z95 * error),
+            _ => significant(*v, 3),
+        };
         let parameters: Vec<String> =
-            f.parameters.iter().map(|(k, v)| format!(", {} = {}", symbol_plain(k), significant(*v, 3))).collect();
+            f.parameters.iter().map(|p| format!(", {} = {}", symbol_plain(p.0), number(p))).collect();
         let _ = writeln!(
             out,
             "  {} adds {}{}; alone it explains {} of what was left where it was not fitted",

@@ -104,7 +104,8 @@ fn one_draw_is_told_without_a_bound() {
     let settings = settings(&GOALS, Limits::default());
     let task = Task::new(&rig, &model(&rig), &settings).unwrap();
     let told = |deviations: &[f64]| {
-        let best = task.proposal(&task.unchanged(), &draws(deviations), None);
+        let other = Setting { amplitude_factor: Some(1.1), ..task.unchanged() };
+        let best = task.proposal(&other, &draws(deviations), None);
         let plan = Plan {
             rig: rig.name.clone(),
             goals: settings.goals.clone(),

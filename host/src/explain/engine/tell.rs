@@ -215,6 +215,7 @@ pub fn found(setting: &Setting<'_>, c: &Candidate, reported: Reported, unit: Str
         value: reported.value,
         std_error: reported.std_error,
         parameters: reported.parameters,
+        parameter_std_errors: reported.std_errors,
         equation: c.entry.equation.clone(),
         confirm,
         ..Found::empty(&c.entry.id, &c.place_name(setting), unit)
@@ -273,6 +274,7 @@ pub fn parameters(
         } else if let Some(f) = result.effects.get_mut(index - state.nominal) {
             (f.value, f.std_error, f.unit) = (reported.value, reported.std_error, unit.clone());
             f.parameters = reported.parameters;
+            f.parameter_std_errors = reported.std_errors;
             f.strengths = values;
         }
         told.push(Parameter { name, value: reported.value, std_error: reported.std_error, unit });
