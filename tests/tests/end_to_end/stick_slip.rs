@@ -69,10 +69,13 @@ impl Mass {
         let (a4, b4) = rate(t + h, self.x + h * a3, self.v + h * b3);
         let next = self.v + h / 6.0 * (b1 + 2.0 * b2 + 2.0 * b3 + b4);
         if next * sign < 0.0 {
-            // To the instant of the reversal along a straight line, then at rest.
+            // To the instant of the reversal along a straight line, and on from rest there.
             let share = self.v / (self.v - next);
             self.x += 0.5 * share * h * self.v;
             (self.v, self.sign) = (0.0, 0.0);
+            if share > 0.0 {
+                self.step(t + share * h, (1.0 - share) * h);
+            }
             return;
         }
         self.x += h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);

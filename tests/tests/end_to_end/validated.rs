@@ -58,7 +58,7 @@ fn a_model_by_shooting_passes_its_validation_and_a_wrong_one_fails_with_status_1
             "validate record.parquet --rig rig.toml --model other.toml",
             "other.toml: drive_frequency_hz: found a drive of 6 Hz",
         ),
-        ("validate record.parquet --rig rig.toml --model rig.toml", "rig.toml: method"),
+        ("validate record.parquet --rig rig.toml --model rig.toml", "rig.toml: this is a rig file"),
         ("validate record.parquet --rig rig.toml --model model.toml --tolerance-deg 0", "--tolerance-deg"),
         ("validate record.parquet --rig rig.toml --model model.toml --bifurcation X=0.5:1", "--bifurcation"),
         ("identify record.parquet --rig rig.toml --method shooting --segment-s 1e9", "--segment-s"),
