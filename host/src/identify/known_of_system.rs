@@ -10,7 +10,7 @@
 //! terms (or γ of all others, where it stands without one). The γ at which the ties are missed least
 //! with everything known is told where it does as well.
 //!
-//! Limits: where two quantities are wrong, neither explains the other.
+//! Where two quantities are wrong, neither explains the other: [`super::known_jointly`].
 
 use std::collections::BTreeMap;
 
@@ -18,6 +18,7 @@ use nalgebra::{DMatrix, DVector};
 use statrs::distribution::{ContinuousCDF, StudentsT};
 
 use super::judgement::{CHANCE, Coefficients, Ties};
+use super::known_jointly;
 use super::known_quantities::{CONTRADICTED, time_base};
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::expression::Symbol;
@@ -73,11 +74,12 @@ fn disagreeing<'a>(
 }
 
 /// A scale of a measured input with which everything that is known agrees.
-struct Scaled {
-    input: String,
+pub(super) struct Scaled {
+    pub(super) input: String,
     /// γ: what is read over what acts.
-    factor: f64,
-    misfit: f64,
+    pub(super) factor: f64,
+    /// What the ties miss by, over its degrees of freedom; those of chance are 1.
+    pub(super) misfit: f64,
 }
 
 /// Greatest factor on an input that is looked for, and evaluations of the search.
@@ -98,7 +100,7 @@ fn scaled_by(model: &ModelFile, names: &[String], input: usize) -> Option<Vec<f6
 }
 
 /// The scale of an input that agrees best with everything that is known.
-fn scaled(
+pub(super) fn scaled(
     mechanism: &Mechanism,
     c: &Coefficients<'_>,
     known: &BTreeMap<&str, f64>,
@@ -159,7 +161,9 @@ pub(super) fn contradicted(mechanism: &Mechanism, c: &Coefficients<'_>, rig: &Ri
     if all.iter().any(|d| d.name != "g") {
         all.retain(|d| d.name != "g");
     }
-    let first = all.first()?;
+    let Some(first) = all.first() else {
+        return known_jointly::contradicted(mechanism, c, rig.bound.as_ref().map(|b| &*b.model), &known);
+    };
     let model = rig.bound.as_ref().map(|b| &b.model);
     let inputs = model.iter().flat_map(|m| (0..m.inputs.len()).map(|k| (&***m, k)));
     let gains: Vec<Scaled> =

@@ -24,6 +24,7 @@ pub mod index_marks;
 pub mod input_noise;
 pub mod jackknife;
 mod judgement;
+mod known_jointly;
 mod known_of_system;
 mod known_quantities;
 pub mod model_file;
