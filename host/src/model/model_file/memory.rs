@@ -6,12 +6,14 @@
 //! stable however fast z settles (Dahl's law at a small presliding distance). Several states take
 //! φ's rational form (1 − ½ h J + (h J)²/12) Δz = h r instead, whose error in the frequency of what
 //! swings is (ω h)⁴/720. Where an argument of a sign or a size turns
-//! within a sample it is cut finely, and where it turns. States begin at 0.
+//! within a sample it is cut finely, and where it turns. States begin at 0. Laws that are straight
+//! lines in their states have rates and slopes at all steps at once ([`super::affine`]).
 
 use std::sync::OnceLock;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::affine::Affine;
 use super::equations_of_motion::wrapped;
 use super::expression::{Expression, Function, Node, Symbol, number};
 use super::tape::Tape;
@@ -45,6 +47,23 @@ pub struct Course<'a> {
     pub step_s: f64,
     /// Whether each coordinate lies on a circle.
     pub circle: &'a [bool],
+}
+
+impl Course<'_> {
+    /// A coordinate or its rate at a share of the way from sample `i` to the next.
+    pub(super) fn at(&self, symbol: Symbol, i: usize, share: f64) -> f64 {
+        let line = |x: &[f64]| x[i] + share * (x[i + 1] - x[i]);
+        match symbol {
+            Symbol::Rate(k) => line(&self.rates[k]),
+            Symbol::Coordinate(k) => {
+                // The parabola of the rates' mean slope, through both samples.
+                let bend = 0.5 * self.step_s * (self.rates[k][i + 1] - self.rates[k][i]);
+                let x = line(&self.coordinates[k]) - bend * share * (1.0 - share);
+                if self.circle[k] { wrapped(x) } else { x }
+            }
+            _ => f64::NAN,
+        }
+    }
 }
 
 /// Arguments of signs and sizes in an expression.
@@ -98,6 +117,16 @@ impl Memory {
         })
     }
 
+    /// Whether rates are straight lines in the states, and nothing turns where a state does.
+    fn is_affine(&self) -> bool {
+        let of_state = |s: Symbol| matches!(s, Symbol::State(_));
+        let mut turns = Vec::new();
+        self.rates.iter().for_each(|r| turning(r, &mut turns));
+        let slopes =
+            self.rates.iter().flat_map(|r| (0..self.len()).map(move |k| r.derivative_between_jumps(Symbol::State(k))));
+        !turns.iter().any(|a| a.any(&of_state)) && slopes.into_iter().all(|s| s.is_some_and(|s| !s.any(&of_state)))
+    }
+
     /// The shortest time in which a state settles where nothing moves, s; infinite where none
     /// settles by itself.
     pub fn settles_s(&self) -> f64 {
@@ -119,6 +148,7 @@ impl Memory {
             registers: Vec::new(),
             out: vec![0.0; self.tape().len()],
         };
+        let affine = self.is_affine().then(|| Affine::new(self.tape(), m, course, STEPS));
         let mut z = vec![0.0; m];
         let mut all = vec![Vec::with_capacity(count); m];
         let turns = m + m * m..self.tape().len();
@@ -128,17 +158,30 @@ impl Memory {
             if i + 1 == count {
                 break;
             }
-            if i == 0 {
-                walk.evaluate(0, 0.0, &z);
-                before = walk.out[turns.clone()].to_vec();
-            }
-            walk.evaluate(i, 1.0, &z);
-            let turned = walk.out[turns.clone()].iter().zip(&before).any(|(a, b)| a * b <= 0.0);
-            before.copy_from_slice(&walk.out[turns.clone()]);
+            let turned = match &affine {
+                Some(affine) => affine.turned[i],
+                None => {
+                    if i == 0 {
+                        walk.evaluate(0, 0.0, &z);
+                        before = walk.out[turns.clone()].to_vec();
+                    }
+                    walk.evaluate(i, 1.0, &z);
+                    let turned = walk.out[turns.clone()].iter().zip(&before).any(|(a, b)| a * b <= 0.0);
+                    before.copy_from_slice(&walk.out[turns.clone()]);
+                    turned
+                }
+            };
             let steps = if turned { STEPS_AT_TURNS } else { STEPS };
             for j in 0..steps {
                 let part = [j, j + 1].map(|k| k as f64 / steps as f64);
-                if turned { walk.cut(i, part, &mut z) } else { walk.go(i, part, &mut z) }
+                match &affine {
+                    _ if turned => walk.cut(i, part, &mut z),
+                    Some(affine) => {
+                        affine.evaluate(i * STEPS + j, &z, &mut walk.out);
+                        walk.step((part[1] - part[0]) * course.step_s, &mut z);
+                    }
+                    None => walk.go(i, part, &mut z),
+                }
             }
             if !z.iter().all(|z| z.is_finite()) {
                 return None;
@@ -160,20 +203,11 @@ struct Walk<'a> {
 impl Walk<'_> {
     /// Everything on the tape at a share of the way from sample `i` to the next.
     fn evaluate(&mut self, i: usize, share: f64, z: &[f64]) {
-        let c = self.course;
         let tape = self.memory.tape();
-        let line = |x: &[f64]| x[i] + share * (x[i + 1] - x[i]);
         for (to, s) in self.values.iter_mut().zip(tape.symbols()) {
             *to = match *s {
-                Symbol::Rate(k) => line(&c.rates[k]),
-                Symbol::Coordinate(k) => {
-                    // The parabola of the rates' mean slope, through both samples.
-                    let bend = 0.5 * c.step_s * (c.rates[k][i + 1] - c.rates[k][i]);
-                    let x = line(&c.coordinates[k]) - bend * share * (1.0 - share);
-                    if c.circle[k] { wrapped(x) } else { x }
-                }
                 Symbol::State(k) => z[k],
-                _ => f64::NAN,
+                s => self.course.at(s, i, share),
             };
         }
         tape.at(&self.values, &mut self.registers, &mut self.out);
@@ -225,135 +259,5 @@ impl Walk<'_> {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::super::expression::{add, call, divide, multiply, subtract, symbol};
-    use super::*;
-
-    /// (v − |v| z)/d.
-    fn dahl(d: f64) -> Memory {
-        let (v, z) = (symbol(Symbol::Rate(0)), symbol(Symbol::State(0)));
-        Memory::new(vec![divide(subtract(v.clone(), multiply(call(Function::Abs, v), z)), number(d))])
-    }
-
-    fn swing(count: usize, step_s: f64) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
-        let at = |i: usize| 3.0 * i as f64 * step_s;
-        let x = (0..count).map(|i| at(i).sin()).collect();
-        let v = (0..count).map(|i| 3.0 * at(i).cos()).collect();
-        (vec![x], vec![v])
-    }
-
-    /// Dahl's law has the closed solution z = s − (s − z₀) exp(−|x − x₀|/d) from one reversal to
-    /// the next.
-    #[test]
-    fn dahls_friction_follows_its_closed_solution_however_stiff() {
-        let step_s = 0.005;
-        let (x, v) = swing(2000, step_s);
-        let course = Course { coordinates: &x, rates: &v, step_s, circle: &[false] };
-        for (d, most) in [(0.3, 1e-4), (0.02, 1e-4), (1e-6, 1e-9)] {
-            let z = dahl(d).follow(&course).unwrap().remove(0);
-            let (mut from, mut start, mut sign) = (x[0][0], 0.0, 1.0);
-            for i in 0..2000 {
-                if v[0][i] * sign < 0.0 {
-                    // The reversal lies at ± 1.
-                    start = sign - (sign - start) * (-(sign - from) * sign / d).exp();
-                    (from, sign) = (sign, -sign);
-                }
-                let expected = sign - (sign - start) * (-(x[0][i] - from) * sign / d).exp();
-                let near = (x[0][i].abs() - 1.0).abs() < 2e-4;
-                assert!((z[i] - expected).abs() < if near { 0.2 } else { most }, "{d} {i}: {} {expected}", z[i]);
-            }
-        }
-    }
-
-    /// Play of 0.2 under sin 3t: z stands for 0.4 of the way after a reversal, then follows 0.2 behind.
-    #[test]
-    fn play_follows_at_its_distance_from_where_it_is_taken_along() {
-        let (x, v, z) = (symbol(Symbol::Coordinate(0)), symbol(Symbol::Rate(0)), symbol(Symbol::State(0)));
-        let sign = |a: Node| call(Function::Sign, a);
-        let over = subtract(multiply(sign(v.clone()), subtract(x, z)), number(0.2));
-        let law = multiply(v, multiply(number(0.5), add(number(1.0), sign(over))));
-        let step_s = 0.005;
-        let (x, v) = swing(2000, step_s);
-        let course = Course { coordinates: &x, rates: &v, step_s, circle: &[false] };
-        let z = Memory::new(vec![law]).follow(&course).unwrap().remove(0);
-        let mut expected = 0.0_f64;
-        for (i, z) in z.iter().enumerate() {
-            expected = expected.clamp(x[0][i] - 0.2, x[0][i] + 0.2);
-            // A sample is 0.015 of the way, a sixteenth of it 9e-4.
-            assert!((z - expected).abs() < 4e-5, "{i}: {z} {expected}");
-        }
-    }
-
-    /// z′ = v − z/T is a high-pass of the position; fast ones settle at T v.
-    #[test]
-    fn relaxation_is_a_high_pass() {
-        let law = |t: f64| {
-            Memory::new(vec![subtract(symbol(Symbol::Rate(0)), multiply(number(1.0 / t), symbol(Symbol::State(0))))])
-        };
-        assert!((law(0.2).settles_s() - 0.2).abs() < 1e-15 && dahl(0.1).settles_s().is_infinite());
-        let (x, v) = swing(4000, 0.005);
-        let course = Course { coordinates: &x, rates: &v, step_s: 0.005, circle: &[false] };
-        for t in [0.2, 1e-5] {
-            let z = law(t).follow(&course).unwrap().remove(0);
-            for i in 3000..4000 {
-                let a = 0.015 * i as f64;
-                let w = 3.0 * t;
-                let expected = (w * w * a.sin() + w * a.cos()) / (1.0 + w * w);
-                assert!((z[i] - expected).abs() < 2e-4 * w.max(0.01), "{t} {i}: {} {expected}", z[i]);
-            }
-        }
-    }
-
-    /// Two states that swing, and one that runs away.
-    #[test]
-    fn several_states_swing_and_what_runs_away_is_refused() {
-        let z = |k| symbol(Symbol::State(k));
-        let two = Memory::new(vec![z(1), add(multiply(number(-400.0), z(0)), symbol(Symbol::Rate(0)))]);
-        let (x, v) = swing(1000, 0.005);
-        let course = Course { coordinates: &x, rates: &v, step_s: 0.005, circle: &[false] };
-        let out = two.follow(&course).unwrap();
-        // z″ + 400 z = 3 cos 3t from rest.
-        for i in 0..1000 {
-            let t = 0.005 * i as f64;
-            let expected = 3.0 / 391.0 * ((3.0 * t).cos() - (20.0 * t).cos());
-            assert!((out[0][i] - expected).abs() < 1e-5, "{i}: {} {expected}", out[0][i]);
-        }
-        assert!(Memory::new(vec![add(number(1.0), multiply(number(1e4), z(0)))]).follow(&course).is_none());
-    }
-
-    /// Followed with the motion, a state is what it is along the motion that was found.
-    #[test]
-    fn a_state_followed_with_the_motion_is_that_along_it() {
-        use super::super::ModelFile;
-        use super::super::equations_of_motion::EquationsOfMotion;
-        use super::super::expression::Expression;
-        use crate::model::integrate::{Outside, Settings, solve};
-        struct Nothing;
-        impl Outside for Nothing {
-            fn tau(&self, _: f64) -> f64 {
-                0.0
-            }
-            fn inputs(&self, _: f64, _: &mut [f64]) {}
-        }
-        let text = "name = \"m\"\ncoordinates = [{ name = \"x\", space = \"R\" }]\n\
-            [[equation]]\nbalance = \"-x''\"\nterms = { k = \"x\" }\n";
-        let model = ModelFile::parse(text, std::path::Path::new("m.toml")).unwrap();
-        let state = std::sync::Arc::new(Expression::Memory(std::sync::Arc::new(dahl(0.05)), 0));
-        let terms = [(0, "F".to_owned(), state)];
-        let motion = EquationsOfMotion::with_columns(&model, 1.0, &terms).unwrap();
-        assert_eq!(motion.hidden().len(), 1);
-        let step_s = 0.005;
-        let settings = Settings { start_s: 0.0, step_s, count: 1000, tolerance: 1e-10, inputs: 0, finest: 400.0 };
-        let initial = motion.with_states(&[1.0, 0.0], &[]);
-        let all = solve(&motion, &[9.0, 1.2], &initial, &Nothing, &settings).unwrap();
-        let column = |k: usize| vec![all.iter().map(|y| y[k]).collect::<Vec<f64>>()];
-        let course = Course { coordinates: &column(0), rates: &column(2), step_s, circle: &[false] };
-        let z = dahl(0.05).follow(&course).unwrap().remove(0);
-        for (i, y) in all.iter().enumerate() {
-            // y holds x, what nothing depends on, v, z.
-            assert!((y[3] - z[i]).abs() < 2e-3, "{i}: {y:?} {}", z[i]);
-        }
-        let size = |from: usize| all[from..].iter().fold(0.0_f64, |m, y| m.max(y[0].abs()));
-        assert!(size(800) < 0.6 * size(0), "friction takes energy away");
-    }
-}
+#[path = "memory_tests.rs"]
+mod tests;

@@ -27,6 +27,7 @@
 //! | [`split`] | terms split into what multiplies accelerations and the rest |
 //! | [`equations_of_motion`] | accelerations: [`crate::model::dynamics::Dynamics`] |
 
+mod affine;
 pub mod basis;
 pub mod by_parts;
 pub mod equations_of_motion;
