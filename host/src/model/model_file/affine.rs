@@ -19,11 +19,11 @@ impl Affine {
     pub fn new(tape: &Tape, states: usize, course: &Course<'_>, steps: usize) -> Self {
         let samples = course.coordinates.first().map_or(0, Vec::len).saturating_sub(1);
         let width = states + states * states;
-        let middle = |p: usize| (p / steps, ((p % steps) as f64 + 0.5) / steps as f64);
-        let rows = along(tape, 0..width, course, samples * steps, middle);
+        let step = |p: usize| (p / steps, [p % steps, p % steps + 1].map(|k| k as f64 / steps as f64));
+        let rows = along(tape, 0..width, course, samples * steps, step);
         let turning = tape.len() - width;
         // At the last sample, the end of the way to it.
-        let sample = |i: usize| if i < samples { (i, 0.0) } else { (samples - 1, 1.0) };
+        let sample = |i: usize| if i < samples { (i, [0.0; 2]) } else { (samples - 1, [1.0; 2]) };
         let turns = if turning == 0 { Vec::new() } else { along(tape, width..tape.len(), course, samples + 1, sample) };
         let turned = (0..samples)
             .map(|i| (0..turning).any(|k| turns[i * turning + k] * turns[(i + 1) * turning + k] <= 0.0))
@@ -42,14 +42,14 @@ impl Affine {
     }
 }
 
-/// Some of a tape's expressions at points of a motion (sample, share of the way to the next) where
-/// all states are 0, point after point.
+/// Some of a tape's expressions over parts of a motion (sample, from where to where on the way to the
+/// next) where all states are 0, part after part.
 fn along(
     tape: &Tape,
     wanted: std::ops::Range<usize>,
     course: &Course<'_>,
     count: usize,
-    point: impl Fn(usize) -> (usize, f64),
+    part: impl Fn(usize) -> (usize, [f64; 2]),
 ) -> Vec<f64> {
     let mut out = vec![0.0; count * wanted.len()];
     let mut columns = vec![[0.0; ABREAST]; tape.symbols().len()];
@@ -58,8 +58,8 @@ fn along(
         let here = to.len() / wanted.len();
         for (column, symbol) in columns.iter_mut().zip(tape.symbols()) {
             for (lane, x) in column.iter_mut().enumerate().take(here) {
-                let (sample, share) = point(block * ABREAST + lane);
-                *x = if matches!(symbol, Symbol::State(_)) { 0.0 } else { course.at(*symbol, sample, share) };
+                let (sample, part) = part(block * ABREAST + lane);
+                *x = if matches!(symbol, Symbol::State(_)) { 0.0 } else { course.over(*symbol, sample, part) };
             }
         }
         let inputs: Vec<&[f64]> = columns.iter().map(|c| &c[..here]).collect();

@@ -1,8 +1,8 @@
 //! States of effects that remember: dz_k/dt = r_k(x, v, z), followed along a motion that is known.
 //!
-//! Between two samples the coordinates are parabolas and the rates straight lines. A step is the
-//! exponential midpoint rule z ← z + h φ(h J) r with J = ∂r/∂z and φ(y) = (eʸ − 1)/y, at the motion
-//! in the middle of the step: exact for laws that are linear in z where the motion is even, and
+//! Between two samples the coordinates are cubics with the rates at both ends. A step is the
+//! exponential midpoint rule z ← z + h φ(h J) r with J = ∂r/∂z and φ(y) = (eʸ − 1)/y, at the place in
+//! the middle of the step and its mean rate: exact for laws that are linear in z where the motion is even, and
 //! stable however fast z settles (Dahl's law at a small presliding distance). Several states take
 //! φ's rational form (1 − ½ h J + (h J)²/12) Δz = h r instead, whose error in the frequency of what
 //! swings is (ω h)⁴/720. Where an argument of a sign or a size turns
@@ -50,19 +50,49 @@ pub struct Course<'a> {
 }
 
 impl Course<'_> {
-    /// A coordinate or its rate at a share of the way from sample `i` to the next.
-    pub(super) fn at(&self, symbol: Symbol, i: usize, share: f64) -> f64 {
-        let line = |x: &[f64]| x[i] + share * (x[i + 1] - x[i]);
+    /// A coordinate half-way through a part of the way from sample `i` to the next, or its mean rate
+    /// over that part, which is what a law that is linear in the rate is driven by.
+    pub(super) fn over(&self, symbol: Symbol, i: usize, [from, to]: [f64; 2]) -> f64 {
         match symbol {
-            Symbol::Rate(k) => line(&self.rates[k]),
+            Symbol::Rate(k) => {
+                let way = self.way(k, i);
+                if to > from {
+                    (way.at(to) - way.at(from)) / ((to - from) * self.step_s)
+                } else {
+                    way.slope(from) / self.step_s
+                }
+            }
             Symbol::Coordinate(k) => {
-                // The parabola of the rates' mean slope, through both samples.
-                let bend = 0.5 * self.step_s * (self.rates[k][i + 1] - self.rates[k][i]);
-                let x = line(&self.coordinates[k]) - bend * share * (1.0 - share);
+                let x = self.coordinates[k][i] + self.way(k, i).at(0.5 * (from + to));
                 if self.circle[k] { wrapped(x) } else { x }
             }
             _ => f64::NAN,
         }
+    }
+
+    fn way(&self, k: usize, i: usize) -> Way {
+        let whole = self.coordinates[k][i + 1] - self.coordinates[k][i];
+        let bends = [i, i + 1].map(|i| self.step_s * self.rates[k][i] - whole);
+        Way { whole, bends }
+    }
+}
+
+/// The cubic through two neighbouring samples with their rates (Hermite), from the first on.
+struct Way {
+    whole: f64,
+    /// What the rates at both ends would go further in one sample.
+    bends: [f64; 2],
+}
+
+impl Way {
+    fn at(&self, s: f64) -> f64 {
+        let [a, b] = self.bends;
+        s * self.whole + s * (1.0 - s) * (a * (1.0 - s) - b * s)
+    }
+
+    fn slope(&self, s: f64) -> f64 {
+        let [a, b] = self.bends;
+        self.whole + (1.0 - 2.0 * s) * (a * (1.0 - s) - b * s) - s * (1.0 - s) * (a + b)
     }
 }
 
@@ -162,10 +192,10 @@ impl Memory {
                 Some(affine) => affine.turned[i],
                 None => {
                     if i == 0 {
-                        walk.evaluate(0, 0.0, &z);
+                        walk.evaluate(0, [0.0; 2], &z);
                         before = walk.out[turns.clone()].to_vec();
                     }
-                    walk.evaluate(i, 1.0, &z);
+                    walk.evaluate(i, [1.0; 2], &z);
                     let turned = walk.out[turns.clone()].iter().zip(&before).any(|(a, b)| a * b <= 0.0);
                     before.copy_from_slice(&walk.out[turns.clone()]);
                     turned
@@ -201,13 +231,13 @@ struct Walk<'a> {
 }
 
 impl Walk<'_> {
-    /// Everything on the tape at a share of the way from sample `i` to the next.
-    fn evaluate(&mut self, i: usize, share: f64, z: &[f64]) {
+    /// Everything on the tape over a part of the way from sample `i` to the next.
+    fn evaluate(&mut self, i: usize, part: [f64; 2], z: &[f64]) {
         let tape = self.memory.tape();
         for (to, s) in self.values.iter_mut().zip(tape.symbols()) {
             *to = match *s {
                 Symbol::State(k) => z[k],
-                s => self.course.at(s, i, share),
+                s => self.course.over(s, i, part),
             };
         }
         tape.at(&self.values, &mut self.registers, &mut self.out);
@@ -215,7 +245,7 @@ impl Walk<'_> {
 
     /// One step over a part of the way from sample `i` to the next.
     fn go(&mut self, i: usize, [from, to]: [f64; 2], z: &mut [f64]) {
-        self.evaluate(i, 0.5 * (from + to), z);
+        self.evaluate(i, [from, to], z);
         self.step((to - from) * self.course.step_s, z);
     }
 
@@ -224,10 +254,10 @@ impl Walk<'_> {
     fn cut(&mut self, i: usize, [from, to]: [f64; 2], z: &mut [f64]) {
         let start = z.to_vec();
         let first = z.len() + z.len() * z.len();
-        self.evaluate(i, from, z);
+        self.evaluate(i, [from, from], z);
         let before = self.out[first..].to_vec();
         self.go(i, [from, to], z);
-        self.evaluate(i, to, z);
+        self.evaluate(i, [to, to], z);
         let turns = before.iter().zip(&self.out[first..]).filter(|(a, b)| *a * *b < 0.0);
         let share = turns.map(|(a, b)| a / (a - b)).fold(1.0, f64::min);
         if share < 1.0 {
