@@ -56,13 +56,13 @@ fn threads_do_not_change_a_plan_within_a_short_limit() {
     // Shorter than the records that are looked at, and than the one that was recorded.
     std::fs::write(folder.join("limits.toml"), "seconds = 20.0\n").unwrap();
     // Without a model that of the record is planned for.
-    let [one, two, own] = [("1", "--model model.toml"), ("2", "--model model.toml"), ("3", "")].map(|(n, model)| {
+    let [one, own] = [("1", "--model model.toml"), ("2", "")].map(|(n, model)| {
         let asked = "--precise C11=10% --budget 1 --record locked.parquet --limits limits.toml";
         let out = format!("-o plan{n}.toml --json plan{n}.json --threads {n}");
         done(folder, &format!("plan --rig rig.toml {model} {asked} {out}"));
         ["toml", "json"].map(|kind| std::fs::read_to_string(folder.join(format!("plan{n}.{kind}"))).unwrap())
     });
-    assert!(one == two && one == own, "{one:?} {own:?}");
+    assert!(one == own, "{one:?} {own:?}");
     let plan = json(&folder.join("plan1.json"));
     let seconds = plan["best"]["seconds"].as_f64().unwrap();
     assert!(seconds > 0.0 && seconds <= 20.0, "{plan:#}");
