@@ -4,6 +4,7 @@ use core::f64::consts::TAU;
 use std::sync::Arc;
 
 use super::base_motion::{self, BaseNoise};
+use super::held_inputs;
 use super::history::History;
 use crate::error::{BadInput, Result};
 use crate::model::model_file::Space;
@@ -135,16 +136,29 @@ pub fn of(record: &Record, rig: &Rig, bound: &ObservedModel) -> Result<Vec<Stret
     }
     let omega = rig.drive.map_or(0.0, |d| TAU * d.frequency_hz);
     let base = base_motion::of(record, rig, bound);
+    let values = |i: usize| record.segments.iter().map(move |s| s.columns[i].angle(&record.channels[i]));
+    let held: Vec<bool> = bound
+        .inputs
+        .iter()
+        .map(|&i| {
+            let all: Vec<Vec<f64>> = values(i).collect();
+            held_inputs::is_held(all.iter().map(Vec::as_slice))
+        })
+        .collect();
     let measured = record.segments.iter().enumerate();
     Ok(measured
         .filter_map(|(n, s)| {
             let column = |i: usize| s.columns[i].angle(&record.channels[i]);
+            let acting = |(k, &i): (usize, &usize)| {
+                let recorded = column(i);
+                if held[k] { held_inputs::acting(&recorded) } else { recorded }
+            };
             let shown: Vec<Vec<f64>> = bound.sensors.iter().map(|&i| column(i)).collect();
             let whole = Stretch {
                 start_s: s.start_s,
                 step_s: s.step_s,
                 coordinates: mixed(&bound.coordinates, &shown),
-                inputs: bound.inputs.iter().map(|&i| column(i)).collect(),
+                inputs: bound.inputs.iter().enumerate().map(acting).collect(),
                 phase: match (&s.phase, rig.drive) {
                     (Some(phase), Some(_)) => Phase::Device(phase.clone()),
                     _ => Phase::Clock(omega),

@@ -34,6 +34,16 @@ fn bessel_i0(x: f64) -> f64 {
     sum
 }
 
+/// Samples to either side that the low-pass reaches.
+pub const REACH: usize = HALF;
+
+/// The low-pass that samples stand for, s(x) at a distance in samples, to a constant near 1.
+pub fn kernel(x: f64) -> f64 {
+    let sinc = if x == 0.0 { 1.0 } else { (core::f64::consts::PI * x).sin() / (core::f64::consts::PI * x) };
+    let u = x / HALF as f64;
+    sinc * bessel_i0(BETA * (1.0 - u * u).max(0.0).sqrt()) / bessel_i0(BETA)
+}
+
 /// Samples, and `beyond` more on either side, which continue them point-symmetrically.
 fn continued(samples: &[f64], beyond: usize) -> Vec<f64> {
     let (n, last) = (samples.len() as i64, samples.len() as i64 - 1);
@@ -62,16 +72,7 @@ impl BandLimited {
         let phases: Vec<Vec<f64>> = (0..FINE)
             .map(|phase| {
                 let mut w: Vec<f64> = (0..2 * HALF)
-                    .map(|k| {
-                        let x = phase as f64 / FINE as f64 - (k as f64 - (HALF as f64 - 1.0));
-                        let sinc = if x == 0.0 {
-                            1.0
-                        } else {
-                            (core::f64::consts::PI * x).sin() / (core::f64::consts::PI * x)
-                        };
-                        let u = x / HALF as f64;
-                        sinc * bessel_i0(BETA * (1.0 - u * u).max(0.0).sqrt()) / bessel_i0(BETA)
-                    })
+                    .map(|k| kernel(phase as f64 / FINE as f64 - (k as f64 - (HALF as f64 - 1.0))))
                     .collect();
                 let sum: f64 = w.iter().sum();
                 w.iter_mut().for_each(|w| *w /= sum);

@@ -57,7 +57,7 @@ fn a_system_from_bodies_names_what_the_built_in_one_does() {
         ("load-dependent-friction@joint2", 1e-5),
         ("channel-delay@encoder2", 1e-3),
     ] {
-        done(at, &format!("simulate --rig {built_in} --effect {name}={value} --seconds 40 -o r.parquet --force"));
+        done(at, &format!("simulate --rig {built_in} --effect {name}={value} --seconds 25 -o r.parquet --force"));
         done(at, &format!("explain r.parquet --rig {bodies} --json e.json -o m.toml --force"));
         let e = json(&at.join("e.json"));
         assert_eq!(e["verdict"], "explained", "{name}: {}", e["reason"]);
@@ -86,7 +86,7 @@ fn written_equations_name_what_the_built_in_one_does() {
         ("eccentricity@encoder2", "0.005", 0.005),
         ("load-dependent-friction@joint2", "1e-5", 1e-5),
     ] {
-        done(at, &format!("simulate --rig {built_in} --effect {name}={put_in} --seconds 40 -o r.parquet --force"));
+        done(at, &format!("simulate --rig {built_in} --effect {name}={put_in} --seconds 25 -o r.parquet --force"));
         done(at, &format!("explain r.parquet --rig {written} --json e.json -o m.toml --force"));
         let e = json(&at.join("e.json"));
         assert_eq!(e["verdict"], "explained", "{name}: {}", e["reason"]);
@@ -96,7 +96,7 @@ fn written_equations_name_what_the_built_in_one_does() {
         assert!((found - value).abs() < 3.0 * error, "{name}: {found} ± {error}, true {value}");
         assert!(!e["where"].as_array().unwrap().is_empty() || e["maps"].as_array().is_some(), "{e}");
     }
-    done(at, &format!("simulate --rig {written} --effect frame-tilt@frame=0.02 --seconds 40 -o r.parquet --force"));
+    done(at, &format!("simulate --rig {written} --effect frame-tilt@frame=0.02 --seconds 25 -o r.parquet --force"));
     done(at, &format!("explain r.parquet --rig {written} --json e.json -o m.toml --force"));
     let first = &json(&at.join("e.json"))["effects"][0];
     assert_eq!(first["id"], "frame-tilt");

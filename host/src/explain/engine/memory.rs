@@ -14,10 +14,16 @@ use crate::model::model_file::expression::{Expression, Symbol, symbol};
 const SETTLING_PERIODS: f64 = 0.02;
 const SETTLING_SAMPLES: f64 = 5.0;
 
+/// Shortest time in which a state may settle, s.
+pub fn settles_in(setting: &Setting<'_>) -> f64 {
+    (SETTLING_PERIODS * setting.geometry.period_s).max(SETTLING_SAMPLES / setting.rig.sample_rate_hz)
+}
+
 /// An action whose states are those that are followed along the record; none where one settles too
 /// fast.
 pub fn numbered(setting: &Setting<'_>, action: Action) -> Option<Action> {
-    let least_s = (SETTLING_PERIODS * setting.geometry.period_s).max(SETTLING_SAMPLES / setting.rig.sample_rate_hz);
+    // Refined down to the shortest it stays.
+    let least_s = (1.0 - 1e-9) * settles_in(setting);
     let settles = action.states().all(|s| !matches!(&**s, Expression::Memory(m, _) if m.settles_s() < least_s));
     settles.then(|| action.with_memories(&|memory, k| symbol(Symbol::Memory(setting.laws.number(memory, k)))))
 }

@@ -11,6 +11,7 @@ use crate::effects::entry::{At, Entry, Form, LENGTH, MASS, Shape, Verb, stand_in
 use crate::effects::places::Place;
 use crate::effects::written::load;
 use crate::effects::{along_an_arm, between, kinds, places};
+use crate::explain::engine::memory;
 use crate::model::model_file::equations_of_motion::wrapped;
 use crate::model::model_file::expression::Symbol;
 use crate::system::bodies::Body;
@@ -109,9 +110,7 @@ impl Setting<'_> {
         if !entry.states.is_empty() {
             // Distances of what remembers are far below the motion: those of the list are for a
             // motion of about one.
-            let size = self.size(&moves, false);
-            let fits = (0.1..10.0).contains(&size) || !(size > 0.0 && size.is_finite());
-            return if fits { entry.clone() } else { of_motion(entry, size) };
+            return of_motion(entry, self.size(&moves, false), self.geometry.period_s, memory::settles_in(self));
         }
         let [shape] = &entry.shapes[..] else { return entry.clone() };
         if shape.within.is_none() {
@@ -180,26 +179,48 @@ fn scaled(entry: &Arc<Entry>, by: &[f64]) -> Arc<Entry> {
     Arc::new(out)
 }
 
-/// An entry of a force that remembers for motions of another size, its shapes multiplied by the
-/// powers of that which they have; the entry itself where its laws have no such powers.
-fn of_motion(entry: &Arc<Entry>, size: f64) -> Arc<Entry> {
-    let powers = powers(entry);
-    powers.map_or_else(|| entry.clone(), |p| scaled(entry, &p.iter().map(|n| size.powi(*n)).collect::<Vec<_>>()))
+/// An entry of a force that remembers for motions of another size and period (s), its shapes
+/// multiplied by the powers of those that they have; the entry itself where its laws have no such
+/// powers. A time may be refined down to that in which a state has to settle.
+fn of_motion(entry: &Arc<Entry>, size: f64, period_s: f64, settles_s: f64) -> Arc<Entry> {
+    // Those of the list are for a motion of about one.
+    let beside = |x: f64| if (0.1..10.0).contains(&x) || !(x > 0.0 && x.is_finite()) { 1.0 } else { x };
+    let (Some(lengths), Some(times)) = (powers(entry, Dimension::Length), powers(entry, Dimension::Time)) else {
+        return entry.clone();
+    };
+    let (size, period) = (beside(size), beside(period_s));
+    let by: Vec<f64> = lengths.iter().zip(&times).map(|(l, t)| size.powi(*l) * period.powi(*t)).collect();
+    let mut out = (*scaled(entry, &by)).clone();
+    for (shape, _) in out.shapes.iter_mut().zip(&times).filter(|(_, t)| **t == 1) {
+        shape.within = shape.within.map(|[_, high]| [settles_s, high.max(settles_s)]);
+    }
+    Arc::new(out)
 }
 
-/// Powers of a length in the shapes of a force that remembers: those by which the laws of its
-/// states are the same for a motion of twice the size, a state being a length or a number.
-fn powers(entry: &Entry) -> Option<Vec<i32>> {
+/// What a law is the same for more of.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Dimension {
+    /// Positions and velocities grow.
+    Length,
+    /// Velocities shrink, and rates of states beside them.
+    Time,
+}
+
+/// Powers of a length or a time in the shapes of a force that remembers: those by which the laws of
+/// its states are the same for a motion twice as large or as slow, a state being a length or a
+/// number. Frequencies that come from lines have none.
+fn powers(entry: &Entry, of: Dimension) -> Option<Vec<i32>> {
     let form = entry.forms().into_iter().next()?;
     let words = stand_ins(&["x", "v"]);
     let (shapes, states) = (form.len(), entry.states.len());
+    let [of_x, of_v, of_rates] = if of == Dimension::Length { [1, 1, 0] } else { [0, -1, -1] };
     // Within every shape's bounds, and within half a turn; once where a distance just counts.
     let near = 0.083 + 0.6 * form.first()?.1;
     let rates = |by: f64, shape: &[i32], state: &[i32]| -> Option<Vec<f64>> {
         let moved: Form = form.iter().zip(shape).map(|((n, x), p)| (n.clone(), x * by.powi(*p))).collect();
         let value = |s: Symbol, x: f64| match s {
-            Symbol::Coordinate(_) => x * by,
-            Symbol::Rate(_) => 0.61 * by,
+            Symbol::Coordinate(_) => x * by.powi(of_x),
+            Symbol::Rate(_) => 0.61 * by.powi(of_v),
             Symbol::State(k) => 0.083 * (k + 1) as f64 * by.powi(*state.get(k).unwrap_or(&0)),
             _ => f64::NAN,
         };
@@ -214,10 +235,11 @@ fn powers(entry: &Entry) -> Option<Vec<i32>> {
     let (by, before) = (2.0_f64, rates(1.0, &vec![0; shapes], &vec![0; states])?);
     let same = |shape: &[i32], state: &[i32]| {
         let after = rates(by, shape, state)?;
-        let alike = |((a, b), p): ((&f64, &f64), &i32)| (a - b * by.powi(*p)).abs() < 1e-9 * a.abs().max(1e-9);
+        let grown = |p: &i32| by.powi(p + of_rates);
+        let alike = |((a, b), p): ((&f64, &f64), &i32)| (a - b * grown(p)).abs() < 1e-9 * a.abs().max(1e-9);
         after.iter().zip(&before).zip(state.iter().flat_map(|p| [p, p])).all(alike).then_some(())
     };
-    let states = all(states, 0, 1);
+    let states = all(states, 0, i32::from(of == Dimension::Length));
     // Fewest powers first: what has none stays.
     let mut shapes = all(shapes, -1, 1);
     shapes.sort_by_key(|s| s.iter().filter(|p| **p != 0).count());
@@ -272,18 +294,23 @@ mod tests {
     #[test]
     fn shapes_of_what_remembers_have_the_powers_of_their_units() {
         for (id, wanted) in [
-            ("dahl-friction", vec![("d", 1)]),
-            ("lugre-friction", vec![("d", 1), ("v_s", 1), ("r", 0)]),
-            ("hysteresis", vec![("b", -1), ("c", 0)]),
-            ("play", vec![("b", 1)]),
-            ("relaxation", vec![("T_r", 0)]),
+            ("dahl-friction", vec![("d", 1, 0)]),
+            ("lugre-friction", vec![("d", 1, 0), ("v_s", 1, -1), ("r", 0, 0)]),
+            ("hysteresis", vec![("b", -1, 0), ("c", 0, 0)]),
+            ("play", vec![("b", 1, 0)]),
+            ("relaxation", vec![("T_r", 0, 1)]),
         ] {
             let entry = catalogue().iter().find(|e| e.id == id).unwrap();
-            let found = powers(entry).unwrap();
-            for (name, power) in wanted {
+            let found = [Dimension::Length, Dimension::Time].map(|d| powers(entry, d).unwrap());
+            for (name, length, time) in wanted {
                 let at = entry.shapes.iter().position(|s| s.name == name).unwrap();
-                assert_eq!(found[at], power, "{id} {name}: {found:?}");
+                assert_eq!([found[0][at], found[1][at]], [length, time], "{id} {name}: {found:?}");
             }
         }
+        // Of a circuit of 120 Hz.
+        let relaxation = catalogue().iter().find(|e| e.id == "relaxation").unwrap();
+        let fast = of_motion(&Arc::new(relaxation.clone()), 1.0, 0.008, 4e-4);
+        assert_eq!(fast.shapes[0].within, Some([4e-4, 0.08]));
+        assert!(fast.shapes[0].grid.iter().any(|t| (2e-3..6e-3).contains(t)), "{:?}", fast.shapes[0].grid);
     }
 }

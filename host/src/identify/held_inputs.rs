@@ -1,0 +1,116 @@
+//! Measured inputs that are held from one change to the next, as an output of a converter is: u(t) =
+//! u_k from the sample at which u_k first stands to the next.
+//!
+//! Between samples everything else takes inputs as band-limited; of one that jumps the samples alone
+//! would act half a sample early. What acts within the band is s(t) = Σ_j u_j ∫ h(t − t′) dt′ over
+//! the time from sample j to the next, h the low-pass that samples stand for
+//! ([`crate::signal::band_limited`]); its samples take the place of those recorded. What jumps beyond
+//! the band moves a mass by (Δ/π)² of a jump's acceleration at most.
+//!
+//! An input is held where nearly all that it changes by are jumps that stand alone, each with hardly
+//! any change on both sides: neither a slow signal in the steps of a coarse converter nor a fast one
+//! is, and noise on what is held is no jump.
+
+use crate::signal::band_limited::{REACH, kernel};
+
+/// Change over the input's rms from which it is a jump, share of the squares of all changes that jumps
+/// have, and share of the jumps that stand alone (by hand: random steps change by 1.4 rms, a wave cut
+/// into 20 steps by 0.07).
+const JUMP: f64 = 0.1;
+const BY_JUMPS: f64 = 0.99;
+const ALONE: f64 = 0.9;
+/// Parts of a sample over which the low-pass is integrated (Simpson).
+const PARTS: usize = 16;
+
+/// Whether an input, in all its stretches, is held between changes.
+pub fn is_held<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone) -> bool {
+    let count = stretches.clone().map(<[f64]>::len).sum::<usize>().max(1) as f64;
+    let mean = stretches.clone().flatten().sum::<f64>() / count;
+    let rms = (stretches.clone().flatten().map(|u| (u - mean).powi(2)).sum::<f64>() / count).sqrt();
+    let (mut all, mut by_jumps, mut jumps, mut alone) = (0.0_f64, 0.0, 0.0_f64, 0.0);
+    for u in stretches {
+        let change = |i: usize| u.get(i).zip(u.get(i.wrapping_sub(1))).map_or(0.0, |(b, a)| b - a);
+        let is_jump = |i: usize| change(i).abs() > JUMP * rms;
+        for i in 1..u.len() {
+            all += change(i).powi(2);
+            if is_jump(i) {
+                by_jumps += change(i).powi(2);
+                jumps += 1.0;
+                alone += f64::from(u8::from(!is_jump(i - 1) && !is_jump(i + 1)));
+            }
+        }
+    }
+    jumps > 0.0 && by_jumps >= BY_JUMPS * all && alone >= ALONE * jumps
+}
+
+/// Samples of what acts within the band where an input is held.
+pub fn acting(u: &[f64]) -> Vec<f64> {
+    let reach = REACH as i64;
+    let part = |n: i64, i: usize| kernel(n as f64 - 1.0 + i as f64 / PARTS as f64);
+    let weight = |i: usize| match i {
+        0 | PARTS => 1.0,
+        i if i % 2 == 1 => 4.0,
+        _ => 2.0,
+    };
+    // Of the value that stood n samples ago.
+    let integral = |n: i64| (0..=PARTS).map(|i| weight(i) * part(n, i)).sum::<f64>();
+    let weights: Vec<f64> = (1 - reach..=reach).map(integral).collect();
+    let sum: f64 = weights.iter().sum();
+    let last = u.len() as i64 - 1;
+    let at = |k: i64| {
+        let of = |(n, w): (i64, &f64)| w * u[(k - n).clamp(0, last) as usize];
+        (1 - reach..=reach).zip(&weights).map(of).sum::<f64>() / sum
+    };
+    (0..u.len() as i64).map(at).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::signal::band_limited::BandLimited;
+
+    fn held(levels: &[f64], each: usize) -> Vec<f64> {
+        levels.iter().flat_map(|u| std::iter::repeat_n(*u, each)).collect()
+    }
+
+    #[test]
+    fn steps_are_held_and_a_wave_in_steps_is_none() {
+        let of = |u: &[f64]| is_held(std::iter::once(u));
+        let levels: Vec<f64> = (0..40).map(|i| (7.3 * f64::from(i)).sin()).collect();
+        assert!(of(&held(&levels, 5)));
+        assert!(of(&held(&[0.0, 1.0], 50)));
+        let noisy: Vec<f64> = held(&levels, 5).iter().zip(0..).map(|(u, i)| u + 1e-3 * f64::from(i * i % 7)).collect();
+        assert!(of(&noisy));
+        // Held at every sample: no change stands alone.
+        assert!(!of(&levels));
+        let wave =
+            |steps: f64| -> Vec<f64> { (0..4000).map(|i| (steps * (0.01 * f64::from(i)).sin()).round()).collect() };
+        assert!(!of(&wave(20.0)) && !of(&vec![1.0; 50]) && !of(&[]));
+        // Blows of a hammer.
+        let blow = |i: usize| if i % 100 < 6 { (std::f64::consts::PI * (i % 100) as f64 / 6.0).sin() } else { 0.0 };
+        assert!(!of(&(0..1000).map(blow).collect::<Vec<f64>>()));
+    }
+
+    /// A mass under a force in steps: the second integral of what acts is that of the steps.
+    #[test]
+    fn a_mass_goes_where_the_steps_take_it() {
+        let step = 0.005;
+        let levels: Vec<f64> = (0..40).map(|i| (7.3 * f64::from(i)).sin()).collect();
+        let u = held(&levels, 10);
+        let between = BandLimited::new(&acting(&u), 0.0, step);
+        let fine = 64;
+        let (h, count) = (step / f64::from(fine), u.len() * fine as usize);
+        let (mut x, mut v, mut truth, mut rate) = (0.0, 0.0, 0.0, 0.0);
+        let mut worst = 0.0_f64;
+        for i in 0..count {
+            let (exact, acts) = (u[i / fine as usize], between.value((i as f64 + 0.5) * h));
+            (truth, rate) = (truth + h * rate + 0.5 * h * h * exact, rate + h * exact);
+            (x, v) = (x + h * v + 0.5 * h * h * acts, v + h * acts);
+            worst = worst.max((v - rate).abs());
+        }
+        // A jump is there half a sample early or late by turns of the highest frequency: no more than
+        // a tenth of a sample's impulse, and no drift.
+        assert!(worst < 0.1 * step, "{worst}");
+        assert!((x - truth).abs() < 2e-4 * step, "{x} {truth}");
+    }
+}
