@@ -317,6 +317,7 @@ impl<'a> Run<'a> {
         let Self { setting, told: Told { state, result, .. } } = self;
         let mut result = result.clone();
         tell::parameters(setting, state, (&outcome.fit.all, &outcome.covariance()), first, &mut result);
+        result.warnings.extend(tell::at_bounds(state, &result));
         let shape = (by_shooting && undecidable.is_none()).then(|| unknown::shape(setting, state, outcome)).flatten();
         let rest = Left {
             patched: patched::patched(setting, state, outcome),
