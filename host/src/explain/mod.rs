@@ -79,7 +79,13 @@ pub struct Settings {
 /// As [`identify::identify`]; a `model` that is not of this rig.
 pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
     let of_record: Vec<Warning> = records.iter().flat_map(|r| &r.warnings).filter(|w| w.invalidates).cloned().collect();
-    let suspects = identify::suspects::examine(records, rig);
+    let mut suspects = identify::suspects::examine(records, rig);
+    let held = identify::held_inputs::taken_as_held(records, rig, &suspects);
+    let (held, told_held) = held.unzip();
+    if let Some(held) = &held {
+        suspects = identify::suspects::examine(held, rig);
+    }
+    let records = held.as_deref().unwrap_or(records);
     let slipped = if suspects.iter().any(suspected::grave) { None } else { identify::slips::taken_back(records, rig) };
     let records = slipped.as_deref().unwrap_or(records);
     let sound = of_record.is_empty() && !suspects.iter().any(suspected::grave);
@@ -121,6 +127,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
         result.prediction = None;
     }
     identify::stopped::tell_in(&mut result.warnings, records, rig);
+    result.warnings.extend(told_held);
     suspected::tell_in(&mut result, of_record.into_iter().chain(suspects).chain(known).collect());
     Ok(result)
 }

@@ -9,7 +9,7 @@ use indicatif::ProgressBar;
 
 use super::shooting::run::MOST_LOST;
 use super::shooting::zeros::ZeroOffset;
-use super::{Identification, Settings, identify, shooting, slips, stopped};
+use super::{Identification, Settings, held_inputs, identify, shooting, slips, stopped};
 use crate::error::Result;
 use crate::record::Record;
 use crate::rig::Rig;
@@ -41,7 +41,14 @@ pub fn best(
     choices: &shooting::Settings,
     progress: &ProgressBar,
 ) -> Result<Identification> {
-    let (mut found, _) = slips::without(records, |records| once(records, rig, weak, choices, progress))?;
+    let of = |records: &[Record]| {
+        slips::without(records, |records| once(records, rig, weak, choices, progress)).map(|found| found.0)
+    };
+    let mut found = of(records)?;
+    if let Some((held, warning)) = held_inputs::taken_as_held(records, rig, &found.warnings) {
+        found = of(&held)?;
+        found.warnings.push(warning);
+    }
     // Shooting leaves the same standstills out.
     stopped::tell_in(&mut found.warnings, records, rig);
     Ok(found)

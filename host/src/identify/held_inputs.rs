@@ -9,9 +9,14 @@
 //!
 //! An input is held where nearly all that it changes by are jumps that stand alone, each with hardly
 //! any change on both sides: neither a slow signal in the steps of a coarse converter nor a fast one
-//! is, and noise on what is held is no jump.
+//! is, and noise on what is held is no jump. One that changes at every sample is taken for held where
+//! the equations fit it half a sample early ([`taken_as_held`]).
 
+use crate::record::{Column, Record};
+use crate::rig::Rig;
 use crate::signal::band_limited::{REACH, kernel};
+use crate::warning::Warning;
+use crate::wording::format::{plus_minus, significant};
 
 /// Change over the input's rms from which it is a jump, share of the squares of all changes that jumps
 /// have, and share of the jumps that stand alone (by hand: random steps change by 1.4 rms, a wave cut
@@ -62,6 +67,40 @@ pub fn acting(u: &[f64]) -> Vec<f64> {
         (1 - reach..=reach).zip(&weights).map(of).sum::<f64>() / sum
     };
     (0..u.len() as i64).map(at).collect()
+}
+
+/// Samples within which an input that is early by half a sample is taken for held.
+pub const HALF: f64 = 0.05;
+/// Id of the warning that an input was taken for held.
+const INPUT_HELD: &str = "input-held";
+
+/// Whether a suspect is an input that is early by half a sample.
+fn is_half_early(w: &Warning, rig: &Rig) -> Option<usize> {
+    let input = w.details.get("channel")?.as_str()?;
+    let samples = w.details.get("samples")?.as_f64()?;
+    let channel = rig.channel.iter().position(|c| c.name == input)?;
+    let is_input = rig.bound.as_ref().is_some_and(|b| b.inputs.contains(&channel) && b.base.is_none());
+    (w.id == "channel-delay" && is_input && (samples + 0.5).abs() < HALF).then_some(channel)
+}
+
+/// Records in which an input acts as held from each sample to the next, and the warning that says
+/// so, where suspects say that it is half a sample early.
+pub fn taken_as_held(records: &[Record], rig: &Rig, suspects: &[Warning]) -> Option<(Vec<Record>, Warning)> {
+    let (suspect, channel) = suspects.iter().find_map(|w| Some((w, is_half_early(w, rig)?)))?;
+    let mut out = records.to_vec();
+    for column in out.iter_mut().flat_map(|r| &mut r.segments).filter_map(|s| s.columns.get_mut(channel)) {
+        let Column::Values(values) = column else { return None };
+        *values = acting(values);
+    }
+    let of = |key: &str| suspect.details.get(key).and_then(serde_json::Value::as_f64).unwrap_or(f64::NAN);
+    let name = &rig.channel[channel].name;
+    let text = format!(
+        "{name} is taken as an output that is held from each sample to the next: as a continuous signal it would be early by {} ms, {} of a sample",
+        plus_minus(1e3 * of("value_s").abs(), 1e3 * crate::wording::format::Z95 * of("std_error_s")),
+        significant(of("samples").abs(), 3)
+    );
+    let advice = "If it is no such output, shift its column by half a sample in the file";
+    Some((out, Warning::new(INPUT_HELD, text, advice).with("channel", name.as_str())))
 }
 
 #[cfg(test)]

@@ -18,7 +18,7 @@ mod free_geometry;
 pub mod from_rows;
 mod geometry;
 pub mod harmonic_balance;
-mod held_inputs;
+pub mod held_inputs;
 pub mod history;
 pub mod identifiability;
 pub mod index_marks;

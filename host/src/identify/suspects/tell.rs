@@ -6,6 +6,7 @@ use super::find::Finding;
 use super::hypotheses::channels;
 use super::scene::{Misfit, Scene};
 use super::undo::Undo;
+use crate::identify::held_inputs::HALF;
 use crate::rig::Channel;
 use crate::warning::Warning;
 use crate::wording::format::{Z95, plus_minus, shortest, significant};
@@ -14,8 +15,6 @@ use crate::wording::format::{Z95, plus_minus, shortest, significant};
 const GROWS: f64 = 5.0;
 /// Distance within which a number of counts is a whole one.
 const WHOLE: f64 = 0.05;
-/// Samples within which a delay is taken for half a one.
-const HELD: f64 = 0.05;
 
 /// The warning for what was found.
 pub(super) fn tell(scene: &Scene, before: &Misfit, found: &Finding) -> Warning {
@@ -226,7 +225,7 @@ impl Lag {
             plus_minus(1e3 * delay_s.abs(), 1e3 * error),
             significant((delay_s / step_s).abs(), 3)
         ),
-        if (delay_s / step_s + 0.5).abs() < HELD {
+        if (delay_s / step_s + 0.5).abs() < HALF {
             "Half a sample early is an output that is held from each sample to the next: record what really acts (a current, a force), or sample faster"
         } else {
             "Sample both at the same instant, or shift that column by so much, and run again"
