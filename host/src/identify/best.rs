@@ -5,6 +5,8 @@
 //! of the weak form 2 to 80 times as large. Where they miss something, what is missing adds up
 //! along a piece, and the weak form, which weighs it where it acts, is the sounder start.
 
+use std::borrow::Cow;
+
 use indicatif::ProgressBar;
 
 use super::shooting::run::MOST_LOST;
@@ -42,12 +44,18 @@ pub fn best(
     progress: &ProgressBar,
 ) -> Result<Identification> {
     let of = |records: &[Record]| {
-        slips::without(records, |records| once(records, rig, weak, choices, progress)).map(|found| found.0)
+        let found = slips::without(records, |records| once(records, rig, weak, choices, progress));
+        found.map(|(found, records)| (found, matches!(records, Cow::Owned(_))))
     };
-    let mut found = of(records)?;
+    let mut found = of(records)?.0;
     if let Some((held, warning)) = held_inputs::taken_as_held(records, rig, &found.warnings) {
-        found = of(&held)?;
-        found.warnings.push(warning);
+        let (again, slips) = of(&held)?;
+        // Between samples a reversal of dry friction may lie elsewhere than what acts within the band has
+        // it, which looks like slips.
+        if again.not_by_shooting.is_none() && !slips {
+            found = again;
+            found.warnings.push(warning);
+        }
     }
     // Shooting leaves the same standstills out.
     stopped::tell_in(&mut found.warnings, records, rig);
