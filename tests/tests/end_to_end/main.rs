@@ -17,6 +17,7 @@ mod free_decay;
 mod hostile;
 mod interface;
 mod interrupted;
+mod isolator;
 mod json_page;
 #[cfg(target_os = "linux")]
 mod live;
