@@ -54,7 +54,7 @@ fn record(at: &Path, rate: u32, seconds: u32, force: impl Fn(f64) -> f64, [relax
         for k in 0..STEPS {
             // A force that jumps at a sample is what it is within the step.
             let middle = t + (f64::from(k) + 0.5) * h;
-            let of = |share: f64| force(middle + (share - 0.5) * h * (1.0 - 1e-9));
+            let of = |share: f64| force(middle + (share - 0.5) * h * (1.0 - 1e-4));
             let rates = |f: f64, y: [f64; 3]| {
                 let spring = K * y[0] + K3 * y[0].powi(3) + relaxation * y[2];
                 [y[1], (f - C * y[1] - spring) / M, y[1] - y[2] / settles]

@@ -7,7 +7,7 @@
 //! φ's rational form (1 − ½ h J + (h J)²/12) Δz = h r instead, whose error in the frequency of what
 //! swings is (ω h)⁴/720. Where an argument of a sign or a size turns
 //! within a sample it is cut finely, and where it turns. States begin at 0. Laws that are straight
-//! lines in their states have rates and slopes at all steps at once ([`super::affine`]).
+//! lines in their states have rates and slopes at all steps at once (`affine`).
 
 use std::sync::OnceLock;
 
