@@ -69,7 +69,6 @@ mod search;
 mod setting;
 mod shooting;
 pub mod simulation;
-mod stand_ins;
 mod state;
 mod tell;
 mod tones;
@@ -83,7 +82,7 @@ use self::setting::{Begun, Lines, Physical, Setting};
 use self::shooting::Coloured;
 use self::state::{Chosen, State};
 use super::decidability::{FEWEST_BLOCKS, WORST_CONDITION, locked, too_few};
-use super::explanation::{Explanation, Verdict};
+use super::explanation::Explanation;
 use super::{MOST_WINDOWS, Reason, Settings, Undecidable, ranking};
 use crate::error::Result;
 use crate::identify::Identification;
@@ -186,29 +185,11 @@ fn attempt(
     run.tell_twins(&outcome);
     let noise =
         (!last && outcome.evidence.is_shooting()).then(|| shooting::coloured(&run.setting, &run.told.state)).flatten();
-    let result = finished(&mut run, &outcome, &first, undecidable)?;
+    let result = run.finish(&outcome, &first, undecidable)?;
     Ok(match noise.filter(|_| matches!(result.reason, Reason::Excess { shape: None, .. })) {
         Some((sensors, of)) => Attempt::Coloured(sensors, of),
         None => Attempt::Done(Some(Box::new(result))),
     })
-}
-
-/// The answer; where something stays without a name, without effects that may only stand in for it.
-fn finished(
-    run: &mut Run<'_>,
-    outcome: &Outcome,
-    first: &Identification,
-    undecidable: Option<Undecidable>,
-) -> Result<Explanation> {
-    let told = run.told.clone();
-    let result = run.finish(outcome, first, undecidable.clone())?;
-    let doubtful = result.verdict == Verdict::Unexplained && outcome.evidence.is_shooting();
-    let gone = if doubtful { stand_ins::stand_ins(&result, run.told.by_chance) } else { Vec::new() };
-    run.told = told;
-    let Some(without) = run.without_stand_ins(&gone)? else { return Ok(result) };
-    run.tell_twins(&without);
-    let again = run.finish(&without, first, undecidable)?;
-    Ok(if again.verdict == Verdict::Unexplained { again } else { result })
 }
 
 /// The model before anything is added, fitted in windows as long as can be followed; where there is

@@ -48,9 +48,6 @@ pub struct Told {
     before: Vec<(f64, f64)>,
     /// The model before anything was added.
     first: Option<First>,
-    /// Power of what is left in the model's own records, in units of the noise's, once it is
-    /// finished.
-    pub by_chance: f64,
 }
 
 /// The fitted model before anything was added.
@@ -89,8 +86,7 @@ impl<'a> Run<'a> {
             folds: ranking::FOLDS,
         };
         let horizons = (horizon_s, window_s);
-        let told =
-            Told { state, result, horizons, held_out: Vec::new(), before: Vec::new(), first: None, by_chance: 1.0 };
+        let told = Told { state, result, horizons, held_out: Vec::new(), before: Vec::new(), first: None };
         Self { setting, told }
     }
 
@@ -313,7 +309,6 @@ impl<'a> Run<'a> {
         self.compare(first, x);
         let gaps = self.gaps_of_itself(x);
         let noisy = if remade.as_ref().is_some_and(|r| r.of_inputs) { self.noisy_inputs() } else { Vec::new() };
-        self.told.by_chance = remade.as_ref().map_or(1.0, |r| r.mean.max(1.0));
         let Self { setting, told: Told { state, result, .. } } = self;
         let mut result = result.clone();
         tell::parameters(setting, state, (&outcome.fit.all, &outcome.covariance()), first, &mut result);
