@@ -283,7 +283,7 @@ impl<'a> Run<'a> {
     /// # Errors
     /// As [`Run::push`]; a model file that cannot be read.
     pub fn finish(
-        &mut self,
+        mut self,
         outcome: &Outcome,
         first: &Identification,
         undecidable: Option<Undecidable>,
@@ -309,28 +309,27 @@ impl<'a> Run<'a> {
         self.compare(first, x);
         let gaps = self.gaps_of_itself(x);
         let noisy = if remade.as_ref().is_some_and(|r| r.of_inputs) { self.noisy_inputs() } else { Vec::new() };
-        let Self { setting, told: Told { state, result, .. } } = self;
-        let mut result = result.clone();
-        tell::parameters(setting, state, (&outcome.fit.all, &outcome.covariance()), first, &mut result);
-        result.warnings.extend(tell::at_bounds(state, &result));
-        let shape = (by_shooting && undecidable.is_none()).then(|| unknown::shape(setting, state, outcome)).flatten();
+        let Self { setting, told: Told { state, mut result, .. } } = self;
+        tell::parameters(&setting, &state, (&outcome.fit.all, &outcome.covariance()), first, &mut result);
+        result.warnings.extend(tell::at_bounds(&state, &result));
+        let shape = (by_shooting && undecidable.is_none()).then(|| unknown::shape(&setting, &state, outcome)).flatten();
         let rest = Left {
-            patched: patched::patched(setting, state, outcome),
+            patched: patched::patched(&setting, &state, outcome),
             shape: shape.as_ref().filter(|s| s.is_clear).map(|s| s.unknown.clone()),
             remade: remade.map(|r| (r.mean, r.error)),
             left_out,
             gaps,
             noisy,
-            whole: if by_shooting { simulation::left_of_whole(setting, state, outcome) } else { None },
+            whole: if by_shooting { simulation::left_of_whole(&setting, &state, outcome) } else { None },
         };
         decidability::decide(&mut result, undecidable, rest);
         if result.verdict == Verdict::Unexplained {
-            let shape = if by_shooting { shape } else { unknown::shape(setting, state, outcome) };
+            let shape = if by_shooting { shape } else { unknown::shape(&setting, &state, outcome) };
             result.unknown = shape.map(|s| s.unknown);
-            result.outliers = outliers::find(setting, state);
+            result.outliers = outliers::find(&setting, &state);
         }
         if result.verdict != Verdict::NotDecidable {
-            result.model = Some(tell::model(setting, state, &result)?);
+            result.model = Some(tell::model(&setting, &state, &result)?);
         }
         Ok(result)
     }
