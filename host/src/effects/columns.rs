@@ -70,6 +70,8 @@ pub(super) enum Law {
     Speeds(Polynomial),
     /// A number times one without parameters, behind squares of moments ([`on_a_frame::ratios`]).
     Momentum(f64, Node),
+    /// The same over the equation's inertia already ([`super::changes::at_values`]).
+    Given(f64, Node),
 }
 
 impl Law {
@@ -82,9 +84,9 @@ impl Law {
         if p.has_parameter() { Self::Speeds(p) } else { Self::Motion(p.node()) }
     }
 
-    fn at(&self, parameters: &[f64]) -> Node {
+    pub(super) fn at(&self, parameters: &[f64]) -> Node {
         match self {
-            Self::Motion(of) => of.clone(),
+            Self::Motion(of) | Self::Given(_, of) => of.clone(),
             Self::Momentum(factor, of) => multiply(number(*factor), of.clone()),
             Self::Load(of) | Self::Speeds(of) => of.node_at(parameters),
         }
@@ -269,7 +271,7 @@ pub fn quotients(parts: &[Part], mechanism: &Mechanism) -> Vec<(Polynomial, Poly
     for part in parts {
         let Some((_, inertia)) = mechanism.scales.get(part.equation) else { continue };
         match &part.of {
-            Law::Motion(_) | Law::Momentum(..) => {}
+            Law::Motion(_) | Law::Momentum(..) | Law::Given(..) => {}
             Law::Speeds(of) => inside(of, &one, &mut out),
             Law::Load(of) => {
                 inside(of, inertia, &mut out);
@@ -363,7 +365,10 @@ pub fn columns(parts: &[Part], strengths: usize, mechanism: &Mechanism, paramete
     // What several bodies add alike is one term.
     let mut alike: Vec<Vec<(usize, Node, f64)>> = vec![Vec::new(); strengths];
     for part in parts {
-        let factor = at(&Polynomial::product(part.product.clone(), 1.0), parameters) * scale[part.equation];
+        let factor = match part.of {
+            Law::Given(factor, _) => factor,
+            _ => at(&Polynomial::product(part.product.clone(), 1.0), parameters) * scale[part.equation],
+        };
         let (of, all) = (part.at(parameters), &mut alike[part.strength]);
         match all.iter_mut().find(|t| t.0 == part.equation && t.1 == of) {
             Some(t) => t.2 += factor,

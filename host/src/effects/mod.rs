@@ -28,6 +28,7 @@
 
 pub mod along_an_arm;
 pub mod between;
+pub mod changes;
 pub mod columns;
 pub mod entry;
 pub mod kinds;

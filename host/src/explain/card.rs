@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
-use super::explanation::Found;
+use super::explanation::{Found, Limit};
 use super::gap::{AtHorizon, Miss};
 use super::reason::{Criterion, Reason};
 use super::{DecidedBy, Explanation, Step, Verdict};
@@ -19,6 +19,8 @@ use crate::wording::names;
 
 /// Most candidates that were close of which it is told why they were not taken.
 const MOST_REFUSED: usize = 3;
+/// Most detection limits that are told.
+const MOST_LIMITS: usize = 6;
 /// Most places where what is left sits.
 const MOST_PLACES: usize = 2;
 
@@ -232,6 +234,7 @@ fn undecided(e: &Explanation) -> Vec<String> {
             p.name
         ));
     }
+    out.extend(smaller(e));
     if e.verdict == Verdict::Unexplained {
         for w in e.r#where.iter().take(MOST_PLACES) {
             out.push(format!(
@@ -249,6 +252,22 @@ fn undecided(e: &Explanation) -> Vec<String> {
         out.push("Describe a law of your own in a file and try it with --effects FILE.toml, or record slower and larger motions.".to_owned());
     }
     out
+}
+
+/// That what is too small to be named may be there all the same.
+fn smaller(e: &Explanation) -> Option<String> {
+    let unit = |l: &Limit| if l.unit == "1" { String::new() } else { l.unit.clone() };
+    let one = |l: &Limit| format!("{} of {}", names::effect(&l.name()), quantity(l.value, &unit(l), 2));
+    let limits: Vec<String> = e.detection_limits.iter().take(MOST_LIMITS).map(one).collect();
+    let others = e.detection_limits.len() - limits.len();
+    let others =
+        if others > 0 { format!(" (of {others} more: `detection_limits` with --json)") } else { String::new() };
+    (!limits.is_empty()).then(|| {
+        format!(
+            "What is smaller may be there all the same. 95 of 100 such records would have shown {}{others}.",
+            limits.join("; ")
+        )
+    })
 }
 
 #[cfg(test)]

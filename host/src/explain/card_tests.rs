@@ -49,6 +49,22 @@ fn the_sentence_says_what_and_by_how_much() {
     assert!(card.undecided[0].ends_with(told), "{:?}", card.undecided);
 }
 
+#[test]
+fn what_is_too_small_to_be_named_may_be_there() {
+    let mut e = explained();
+    let limit = |(k, id): (usize, &str)| Limit {
+        id: id.to_owned(),
+        at: "joint1".to_owned(),
+        value: 1.5e-6 * (k + 1) as f64,
+        unit: "N m".to_owned(),
+    };
+    let ids = ["coulomb-friction", "a", "b", "c", "d", "e", "f", "g"];
+    e.detection_limits = ids.into_iter().enumerate().map(limit).collect();
+    let told = card(&e, &rig()).undecided.pop().unwrap();
+    assert!(told.contains("would have shown Coulomb friction in joint 1 of 1.5·10⁻⁶ N m; a"), "{told}");
+    assert!(told.ends_with("(of 2 more: `detection_limits` with --json)."), "{told}");
+}
+
 fn residual() -> Residual {
     Residual { power: 0.99, own: None, horizon_s: 0.2, gap: Miss::Floors(1.0), longer: None, whole: None }
 }

@@ -205,6 +205,10 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<Undecidable>,
         }
         (None, false, false) => (Verdict::Explained, Reason::Noise(residual)),
     };
+    // Beside something that is left nothing is known of what would have been named.
+    if !matches!(result.verdict, Verdict::Explained | Verdict::NothingMissing) {
+        result.detection_limits.clear();
+    }
 }
 
 /// The number that is largest beside its limit.

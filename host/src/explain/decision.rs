@@ -2,11 +2,13 @@
 //! of those that are significant over the whole list is taken; the simplest within a standard error
 //! of it, since simpler ones explain as much.
 
+mod detection;
 mod evidence;
 mod pairs;
 
 use std::collections::BTreeMap;
 
+use nalgebra::DVector;
 use rayon::prelude::*;
 
 pub(super) use self::evidence::{Evidence, Rows};
@@ -258,14 +260,23 @@ impl<'a> Field<'a> {
 /// looked for.
 pub(super) type Together<'a> = dyn Fn(&[usize]) -> Option<Box<dyn Evidence>> + 'a;
 
-/// The next effect, and why others were not taken; none where no candidate is supported.
-/// `feigned_by_sensors` says whether the sensors alone give such strengths, for `together` see
-/// [`Together`].
+/// What is told of a step beside what was chosen.
+#[derive(Default)]
+pub(super) struct Audit {
+    /// Every candidate in its best form.
+    pub(super) ranking: Vec<Ranked>,
+    /// Why those that were close are not taken.
+    pub(super) refused: Vec<Refused>,
+    /// Where nothing is: strengths from which on each candidate would have been named.
+    pub(super) limits: Vec<(usize, DVector<f64>)>,
+}
+
+/// The next effect; none where no candidate is supported. `feigned_by_sensors` says whether the
+/// sensors alone give such strengths, for `together` see [`Together`].
 pub(super) fn choose(
     selection: &Selection<'_>,
     step: usize,
-    ranking_out: &mut Vec<Ranked>,
-    refused: &mut Vec<Refused>,
+    audit: &mut Audit,
     feigned_by_sensors: &dyn Fn(usize, &Fit) -> bool,
     together: &Together<'_>,
 ) -> Option<Choice> {
@@ -278,7 +289,7 @@ pub(super) fn choose(
         let j = |s: &Score| likelihood.get(&s.index).copied().unwrap_or(f64::INFINITY);
         j(a).total_cmp(&j(b)).then(b.gain.total_cmp(&a.gain))
     });
-    ranking_out.extend(order.iter().map(|s| Ranked {
+    audit.ranking.extend(order.iter().map(|s| Ranked {
         name: field.name(s).to_owned(),
         gain: s.gain * blocks / total,
         deviations: s.deviations,
@@ -317,13 +328,14 @@ pub(super) fn choose(
         }
         feigned.push(winner.index);
     };
-    *refused = field.refusals(&order, &feigned);
+    audit.refused = field.refusals(&order, &feigned);
     let trial = field.on_trial(&order).filter(|s| winner.is_none_or(|w| w.index != s.index));
     if let Some(strongest) = trial {
         // What is not told from a form on its way may be told from it in the end.
         return Some(field.choice(strongest, &order, Vec::new()));
     }
     let Some(winner) = winner else {
+        audit.limits = field.detection_limits();
         let indices: Vec<usize> = order.iter().map(|s| s.index).collect();
         let (first, p_value) = field.pair(&order, &*together(&indices)?)?;
         return Some(Choice { p_value, ..field.choice(first, &order, Vec::new()) });

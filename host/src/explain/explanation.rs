@@ -161,6 +161,26 @@ impl Refused {
     }
 }
 
+/// The strength of an effect from which on it would have been named in 95 of 100 such records.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Limit {
+    /// Effect.
+    pub id: String,
+    /// Place.
+    pub at: String,
+    /// Value.
+    pub value: f64,
+    /// Its unit.
+    pub unit: String,
+}
+
+impl Limit {
+    /// `ID@PLACE`.
+    pub(super) fn name(&self) -> String {
+        format!("{}@{}", self.id, self.at)
+    }
+}
+
 /// The number that made a verdict: of those that were compared with a limit the one that is largest
 /// beside it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -204,6 +224,9 @@ pub struct Explanation {
     pub ranking: Vec<Ranked>,
     /// Candidates that were close in the last step, or were taken and given up, and why.
     pub refused: Vec<Refused>,
+    /// Detection limits of effects of one form, where nothing but noise is left: how large each
+    /// would have to be to be named in 95 of 100 such records.
+    pub detection_limits: Vec<Limit>,
     /// Residual maps, for the figures.
     pub maps: Vec<residual_map::Map>,
     /// The same maps before any effect was added; empty where none was.
@@ -300,6 +323,7 @@ impl Explanation {
             residual_power: [f64::NAN; 2],
             ranking: Vec::new(),
             refused: Vec::new(),
+            detection_limits: Vec::new(),
             maps: Vec::new(),
             maps_before: Vec::new(),
             unknown: None,

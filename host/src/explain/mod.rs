@@ -91,11 +91,30 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
     suspecting(records, rig, settings, suspects)
 }
 
-/// The same with the mistakes that the equations show.
+/// The same with the mistakes that the equations show, and slips of counts taken back where that
+/// says more with less.
 fn suspecting(records: &[Record], rig: &Rig, settings: &Settings, suspects: Vec<Warning>) -> Result<Explanation> {
-    let of_record: Vec<Warning> = records.iter().flat_map(|r| &r.warnings).filter(|w| w.invalidates).cloned().collect();
     let slipped = if suspects.iter().any(suspected::grave) { None } else { identify::slips::taken_back(records, rig) };
-    let records = slipped.as_deref().unwrap_or(records);
+    let Some(back) = slipped else { return judged(records, rig, settings, suspects) };
+    let mended = judged(&back, rig, settings, suspects.clone())?;
+    if matches!(mended.verdict, Verdict::NothingMissing) {
+        return Ok(mended);
+    }
+    let as_read = judged(records, rig, settings, suspects)?;
+    Ok(if says_more(&as_read, &mended) { as_read } else { mended })
+}
+
+/// Whether a record as it was read is answered, and with fewer effects than with slips of counts
+/// taken back, or where that has no answer: a slip that is none puts an offset into the record, which
+/// has a name then.
+fn says_more(as_read: &Explanation, mended: &Explanation) -> bool {
+    let answers = |e: &Explanation| matches!(e.verdict, Verdict::Explained | Verdict::NothingMissing);
+    answers(as_read) && (!answers(mended) || as_read.effects.len() < mended.effects.len())
+}
+
+/// The same of records as they stand.
+fn judged(records: &[Record], rig: &Rig, settings: &Settings, suspects: Vec<Warning>) -> Result<Explanation> {
+    let of_record: Vec<Warning> = records.iter().flat_map(|r| &r.warnings).filter(|w| w.invalidates).cloned().collect();
     let sound = of_record.is_empty() && !suspects.iter().any(suspected::grave);
     let mut known = if sound { suspected::known(records, rig) } else { Vec::new() };
     let misled = known.iter().any(|w| w.invalidates) && suspected::clean_without_known(records, rig, settings);
@@ -170,8 +189,24 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::explain::explanation::Found;
     use crate::model::identified::System;
     use crate::record::{Column, Segment};
+
+    #[test]
+    fn slips_are_taken_back_where_that_says_no_more_with_more() {
+        let with = |verdict, effects: &[&str]| {
+            let mut out = Explanation::new(0.2, Vec::new());
+            out.verdict = verdict;
+            out.effects = effects.iter().map(|id| Found::empty(id, "joint", "N m".to_owned())).collect();
+            out
+        };
+        let drag = with(Verdict::Explained, &["quadratic-drag"]);
+        let offset = with(Verdict::Explained, &["constant-force", "quadratic-drag"]);
+        let open = with(Verdict::Unexplained, &[]);
+        assert!(says_more(&drag, &offset) && says_more(&drag, &open));
+        assert!(!says_more(&drag, &drag) && !says_more(&offset, &drag) && !says_more(&open, &offset));
+    }
 
     /// A record at fault excuses what it spoils, and no model of another rig.
     #[test]

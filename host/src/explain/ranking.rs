@@ -239,6 +239,14 @@ fn p_of_even_noise(fit: &Fit, d: usize) -> Option<f64> {
     ChiSquared::new(d as f64).ok().filter(|_| wald.is_finite()).map(|of| of.sf(wald))
 }
 
+/// Blocks that the last `d` coefficients of a fit effectively rest on, and the degrees of freedom
+/// of their variance.
+pub(super) fn freedom(fit: &Fit, d: usize) -> (f64, f64) {
+    let last = &fit.effective[fit.all.len() - d..];
+    let blocks = last.iter().fold(fit.blocks as f64, |least, e| least.min(e.max(LEAST_EFFECTIVE)));
+    (blocks, blocks - d as f64)
+}
+
 /// The same by the jackknife's covariance.
 fn p_of_blocks(fit: &Fit, d: usize) -> f64 {
     let p = fit.all.len();
@@ -246,9 +254,7 @@ fn p_of_blocks(fit: &Fit, d: usize) -> f64 {
     let covariance = fit.covariance.view((p - d, p - d), (d, d)).into_owned();
     let Some(factor) = covariance.cholesky() else { return 1.0 };
     let wald = k.dot(&factor.solve(&k));
-    let all = fit.blocks as f64;
-    let blocks = fit.effective[p - d..].iter().fold(all, |least, e| least.min(e.max(LEAST_EFFECTIVE)));
-    let freedom = blocks - d as f64;
+    let (blocks, freedom) = freedom(fit, d);
     if freedom < 1.0 || !wald.is_finite() {
         return 1.0;
     }

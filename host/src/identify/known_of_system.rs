@@ -22,11 +22,13 @@ use super::known_jointly;
 use super::known_quantities::{CONTRADICTED, time_base};
 use crate::model::model_file::ModelFile;
 use crate::model::model_file::expression::Symbol;
+use crate::model::model_file::units::Unit;
 use crate::rig::Rig;
 use crate::system::mechanism::Mechanism;
 use crate::system::ties::{self, Identified};
 use crate::warning::Warning;
 use crate::wording::format::{quantity, significant};
+use crate::wording::names::listed;
 
 /// Factor on the least misfit within which another quantity stands as well for the disagreement.
 const AS_WELL: f64 = 2.0;
@@ -145,6 +147,44 @@ fn least_of(at: &impl Fn(f64) -> f64, [mut low, mut high]: [f64; 2], evaluations
     0.5 * (low + high)
 }
 
+/// Units of inputs that are motions.
+const MOTION: [&str; 4] = ["m", "m/s", "m/s^2", "m/s²"];
+
+/// Sensors of lengths, where gravity alone of what is known has a length in it: all of them read γ
+/// times what they show make it γ times what it is, and nothing else.
+fn lengths(mechanism: &Mechanism, rig: &Rig, known: &BTreeMap<&str, f64>) -> Vec<usize> {
+    let Some(bound) = rig.bound.as_ref() else { return Vec::new() };
+    // A measured force beside masses that are open makes these as much smaller.
+    let inputs: Vec<&str> = bound.inputs.iter().map(|c| rig.channel[*c].si_unit()).collect();
+    let open = known.keys().all(|name| *name == "g");
+    if inputs.iter().any(|unit| !open || MOTION.contains(unit)) {
+        return Vec::new();
+    }
+    let kilogram = Unit::of_channel("kg");
+    let is_mass = |name: &&str| {
+        let own = mechanism.parameters.iter().map(|p| (&p.name, &p.unit));
+        let quantities = mechanism.quantities.iter().map(|q| (&q.name, &q.unit));
+        own.chain(quantities).any(|(n, unit)| n == name && *unit == kilogram)
+    };
+    if rig.drive.is_some() || !known.keys().all(|name| *name == "g" || is_mass(name)) {
+        return Vec::new();
+    }
+    let sensors = bound.sensors.iter().enumerate();
+    sensors.filter(|(_, channel)| rig.channel[**channel].si_unit() == "m").map(|(k, _)| k).collect()
+}
+
+/// That sensors of lengths read so many times what they show.
+fn lengths_read(rig: &Rig, sensors: &[usize], factor: f64) -> Option<String> {
+    let bound = rig.bound.as_ref()?;
+    let names: Vec<String> = sensors.iter().map(|k| rig.channel[bound.sensors[*k]].measures.clone()).collect();
+    let factor = significant(factor, 4);
+    match &names[..] {
+        [] => None,
+        [one] => Some(format!("{one} reads {factor} times what it is (its sensor's scale)")),
+        all => Some(format!("{} read {factor} times what they are (their sensors' scale)", listed(all))),
+    }
+}
+
 /// A warning where something that is said to be known does not agree with the record.
 pub(super) fn contradicted(mechanism: &Mechanism, c: &Coefficients<'_>, rig: &Rig) -> Option<Warning> {
     let known = mechanism.known(&rig.known, rig.says_gravity());
@@ -157,7 +197,8 @@ pub(super) fn contradicted(mechanism: &Mechanism, c: &Coefficients<'_>, rig: &Ri
     all.retain(|d| d.misfit <= AS_WELL * least);
     // Gravity is the last to be wrong, but a clock that is off looks like it: measured κ times too
     // long, time makes every acceleration, and so g, κ⁻² of what it is.
-    let clock = all.iter().find(|d| d.name == "g").map(|d| (d.known / d.found).sqrt()).filter(|k| k.is_finite());
+    let gravity = all.iter().find(|d| d.name == "g").map(|d| d.found / d.known);
+    let clock = gravity.map(|g| (1.0 / g).sqrt()).filter(|k| k.is_finite());
     if all.iter().any(|d| d.name != "g") {
         all.retain(|d| d.name != "g");
     }
@@ -176,6 +217,8 @@ pub(super) fn contradicted(mechanism: &Mechanism, c: &Coefficients<'_>, rig: &Ri
     if let Some(factor) = clock {
         alternatives.push(time_base(factor, rig.drive.is_some()));
     }
+    let lengths = gravity.map(|g| (lengths(mechanism, rig, &known), g));
+    alternatives.extend(lengths.as_ref().and_then(|(sensors, g)| lengths_read(rig, sensors, *g)));
     alternatives.extend(
         gains
             .iter()
@@ -191,6 +234,8 @@ pub(super) fn contradicted(mechanism: &Mechanism, c: &Coefficients<'_>, rig: &Ri
     );
     let scales = gains.iter().map(|s| (format!("input-gain@{}", s.input), (s.factor - 1.0).into()));
     let clock = clock.map(|factor| ("time-base".to_owned(), factor.into()));
+    let of_lengths = lengths.iter().flat_map(|(sensors, g)| sensors.iter().map(move |k| (k + 1, g - 1.0)));
+    let scales = scales.chain(of_lengths.map(|(k, error)| (format!("scale-error@encoder{k}"), error.into())));
     let values: serde_json::Map<String, serde_json::Value> =
         all.iter().map(|d| (d.name.to_owned(), d.found.into())).chain(clock).chain(scales).collect();
     let advice = "Measure them again, check their units (metres, kilograms), and correct the rig file";

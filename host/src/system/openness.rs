@@ -5,7 +5,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::open_directions::is_open;
 use super::polynomial::{Atom, Polynomial};
-use super::ties::Row;
+use super::row::Row;
 
 /// What a fit of the parameters leaves open.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -19,11 +19,11 @@ use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::derivative::partial;
-use super::mechanism::{Mechanism, at};
+use super::mechanism::Mechanism;
 use super::open_directions::{NULL, null_space, unit_columns, wanted};
 use super::openness::Openness;
 use super::polynomial::{Atom, Polynomial};
+use super::row::Row;
 use crate::model::parameter::Parameter;
 
 /// Standard error of a known quantity as a share of it: that of the built-in systems' known
@@ -70,36 +70,6 @@ pub struct TiesFit {
     pub freedom: usize,
 }
 
-/// A function of the parameters with its derivatives by the free ones.
-pub(super) struct Row {
-    numerator: Polynomial,
-    denominator: Polynomial,
-    slopes: Vec<(Polynomial, Polynomial)>,
-}
-
-impl Row {
-    pub(super) fn new(numerator: &Polynomial, denominator: &Polynomial, free: &[usize]) -> Option<Self> {
-        let slope = |k: &usize| {
-            let by = Atom::Parameter(*k);
-            Some((partial(numerator, &by).ok()?, partial(denominator, &by).ok()?))
-        };
-        Some(Self {
-            numerator: numerator.clone(),
-            denominator: denominator.clone(),
-            slopes: free.iter().map(slope).collect::<Option<_>>()?,
-        })
-    }
-
-    fn value(&self, p: &[f64]) -> f64 {
-        at(&self.numerator, p) / at(&self.denominator, p)
-    }
-
-    pub(super) fn gradient(&self, p: &[f64]) -> Vec<f64> {
-        let (n, d) = (at(&self.numerator, p), at(&self.denominator, p));
-        self.slopes.iter().map(|(a, b)| (at(a, p) * d - n * at(b, p)) / (d * d)).collect()
-    }
-}
-
 struct Problem<'a> {
     mechanism: &'a Mechanism,
     free: Vec<usize>,
@@ -109,6 +79,8 @@ struct Problem<'a> {
     of_rows: (Vec<usize>, usize),
     /// Inverse of the Cholesky factor of the metric.
     white: DMatrix<f64>,
+    /// The same of a metric in which rows have equal shares of themselves for errors.
+    even: DMatrix<f64>,
 }
 
 fn is_finite(p: &[f64]) -> bool {
@@ -116,9 +88,9 @@ fn is_finite(p: &[f64]) -> bool {
 }
 
 impl Problem<'_> {
-    fn residual(&self, p: &[f64]) -> DVector<f64> {
+    fn residual(&self, white: &DMatrix<f64>, p: &[f64]) -> DVector<f64> {
         let predicted = DVector::from_iterator(self.rows.len(), self.rows.iter().map(|r| r.value(p)));
-        &self.white * (&self.target - predicted)
+        white * (&self.target - predicted)
     }
 
     /// ∂(rows)/∂x of the unknowns x, the logarithms of positive parameters.
@@ -153,13 +125,13 @@ impl Problem<'_> {
         q
     }
 
-    /// Levenberg–Marquardt from a start: parameters and least distance.
-    fn fit(&self, start: Vec<f64>) -> (Vec<f64>, f64) {
+    /// Levenberg–Marquardt from a start: parameters and least distance in a metric.
+    fn fit(&self, white: &DMatrix<f64>, start: Vec<f64>) -> (Vec<f64>, f64) {
         let mut p = start;
-        let mut cost = self.residual(&p).norm_squared();
+        let mut cost = self.residual(white, &p).norm_squared();
         let (mut damping, mut small) = (1e-3, 0);
         for _ in 0..300 {
-            let (mut j, r) = (&self.white * self.jacobian(&p), self.residual(&p));
+            let (mut j, r) = (white * self.jacobian(&p), self.residual(white, &p));
             let scale = unit_columns(&mut j);
             if !j.iter().chain(r.iter()).all(|x| x.is_finite()) {
                 return (p, f64::INFINITY);
@@ -173,7 +145,7 @@ impl Problem<'_> {
                 });
                 let step = (v_t.transpose() * share).component_div(&DVector::from_vec(scale.clone()));
                 let q = self.moved(&p, &step);
-                let new = self.residual(&q).norm_squared();
+                let new = self.residual(white, &q).norm_squared();
                 if new.is_finite() && new < cost {
                     return Some((q, new));
                 }
@@ -213,13 +185,17 @@ impl Problem<'_> {
     }
 
     /// The best of several starts, the first of which is `near` where it is given.
-    fn solve(&self, known: &[f64], near: Option<Vec<f64>>, freedom: usize) -> Option<(Vec<f64>, f64)> {
+    fn solve(&self, known: &[f64], near: Option<Vec<f64>>, starts: u64) -> Option<(Vec<f64>, f64)> {
+        let freedom = self.rows.len().saturating_sub(1);
         let mut best: Option<(Vec<f64>, f64)> = None;
         let mut agree = 0;
         // What chance alone gives with probability above 1e-6, nearly.
         let usual = freedom as f64 + 5.0 * (2.0 * freedom as f64).sqrt() + 10.0;
-        for start in near.into_iter().chain((0..STARTS).map(|k| self.start(known, k))) {
-            let (p, cost) = self.fit(start);
+        // Far away the errors' correlations bend the way to the least distance: many starts end in
+        // the same place that is none.
+        let roughly = |k| self.fit(&self.even, self.start(known, k)).0;
+        for start in near.into_iter().chain((0..starts).map(roughly)) {
+            let (p, cost) = self.fit(&self.white, start);
             if !cost.is_finite() || !is_finite(&p) {
                 continue;
             }
@@ -241,12 +217,32 @@ pub fn fit(mechanism: &Mechanism, b: &Identified<'_>, known: &BTreeMap<&str, f64
     fit_near(mechanism, b, known, &[])
 }
 
+/// The same from parameters that are near alone.
+pub(super) fn fit_from(
+    mechanism: &Mechanism,
+    b: &Identified<'_>,
+    known: &BTreeMap<&str, f64>,
+    near: &[f64],
+) -> Option<TiesFit> {
+    fit_of(mechanism, b, known, near, 0)
+}
+
 /// The same from parameters that are near: the first ones of the mechanism.
 pub fn fit_near(
     mechanism: &Mechanism,
     b: &Identified<'_>,
     known: &BTreeMap<&str, f64>,
     near: &[f64],
+) -> Option<TiesFit> {
+    fit_of(mechanism, b, known, near, STARTS)
+}
+
+fn fit_of(
+    mechanism: &Mechanism,
+    b: &Identified<'_>,
+    known: &BTreeMap<&str, f64>,
+    near: &[f64],
+    starts: u64,
 ) -> Option<TiesFit> {
     let fixed = |i: usize| known.get(mechanism.parameters[i].name.as_str()).copied();
     let observed: Vec<_> =
@@ -284,15 +280,16 @@ pub fn fit_near(
         })
     };
     let white = factor(select(b.metric))?.try_inverse()?;
+    let own_size = |t: &f64| if *t == 0.0 { 1.0 } else { 1.0 / t.abs() };
+    let even = DMatrix::from_diagonal(&DVector::from_iterator(target.len(), target.iter().map(own_size)));
     let sigma = select(b.covariance);
     let parameters = 0..mechanism.parameters.len();
     let start: Vec<f64> = parameters.clone().map(|i| fixed(i).unwrap_or(0.0)).collect();
     let near = (!near.is_empty())
         .then(|| parameters.map(|i| fixed(i).or(near.get(i).copied()).unwrap_or(0.0)).collect::<Vec<f64>>());
     let of_rows = (used.iter().map(|u| u.1).collect(), b.names.len());
-    let problem = Problem { mechanism, free, rows, target: DVector::from_vec(target), of_rows, white };
-    let most = problem.rows.len().saturating_sub(1);
-    let (p, misfit) = problem.solve(&start, near, most)?;
+    let problem = Problem { mechanism, free, rows, target: DVector::from_vec(target), of_rows, white, even };
+    let (p, misfit) = problem.solve(&start, near, starts)?;
     report(&problem, &p, misfit, &sigma, known)
 }
 

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::system::library;
+use crate::system::mechanism::at;
 
 pub(crate) const TRUTH: [(&str, f64); 12] = [
     ("m1", 0.1362),

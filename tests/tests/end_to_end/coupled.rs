@@ -1,7 +1,11 @@
 //! A spring hidden between two masses that the model has side by side: named with its stiffness,
-//! whatever the rig file knows of the masses, and not where there is none.
+//! whatever the rig file knows of the masses, and not where there is none; a tilt where a mass is
+//! not known.
 
 use std::path::Path;
+
+use serde_json::Value;
+use whirl_tests::repository;
 
 use super::program::{done, json, whirl};
 
@@ -82,4 +86,29 @@ fn a_spring_where_there_is_no_pair_is_refused() {
             whirl(at, &format!("simulate --rig {rig} --effect coupling-stiffness@{place}=1 --seconds 1 -o n.parquet"));
         assert!(run.status == 2 && run.stderr.contains(told) && run.stderr.contains("--effect"), "{run:?}");
     }
+}
+
+/// How a tilt of the table acts on the arm needs the pendulum's mass, of which the record alone
+/// tells products. The tilt tells it: as a shape of the effect, with which a model is read again.
+#[test]
+fn a_tilt_beside_a_mass_that_is_open_is_named_with_what_fixes_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let shipped = std::fs::read_to_string(repository("rigs/rotary-pendulum.toml")).unwrap();
+    let open = shipped.replace("k_t = 0.07\nm = 0.127\n\n[plant]", "k_t = 0.07\n\n[plant]");
+    assert_ne!(open, shipped);
+    std::fs::write(at.join("rig.toml"), open).unwrap();
+    done(at, "simulate --rig rig.toml --effect frame-tilt@frame=0.008 --seconds 20 --seed 3 -o r.parquet");
+    done(at, "explain r.parquet --rig rig.toml -o m.toml --json e.json");
+    let e = json(&at.join("e.json"));
+    let [f] = &e["effects"].as_array().unwrap()[..] else { panic!("{}", e["effects"]) };
+    assert_eq!((f["id"].as_str(), e["verdict"].as_str()), (Some("frame-tilt"), Some("explained")), "{}", e["reason"]);
+    let near = |value: &Value, error: &Value, truth: f64| {
+        let (value, error) = (value.as_f64().unwrap(), error.as_f64().unwrap());
+        assert!((value - truth).abs() < 4.0 * error && error < 0.01 * truth, "{value} ± {error}, true {truth}");
+    };
+    near(&f["value"], &f["std_error"], 0.008);
+    near(&f["parameters"]["J_a"], &f["parameter_std_errors"]["J_a"], 2.1e-3);
+    done(at, "explain r.parquet --rig rig.toml --model m.toml --most-effects 0 --json again.json");
+    assert_eq!(json(&at.join("again.json"))["verdict"], "nothing-missing");
 }

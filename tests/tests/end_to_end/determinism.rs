@@ -28,7 +28,7 @@ fn the_same_command_gives_the_same_bytes_with_one_and_with_two_threads() {
         rig_file(at, "chaotic.toml", "rig.toml", &[("settle_s = 20.0", "settle_s = 2.0")]);
         let mut printed = Vec::new();
         for command in [
-            "simulate --rig rig.toml --seconds 20 --seed 3 --effect quadratic-drag@arm2=2e-7 -o simulated.parquet --json simulate.json",
+            "simulate --rig rig.toml --seconds 12 --seed 3 --effect quadratic-drag@arm2=2e-7 -o simulated.parquet --json simulate.json",
             "simulate --rig rig.toml --seconds 5 --seed 3 -o simulated.csv",
             "capture --from sim:3 --rig rig.toml --seconds 20 -o captured.parquet --keep-frames --json capture.json --report capture.html",
             "inspect captured.parquet --rig rig.toml --json inspect.json --report inspect.html",

@@ -34,7 +34,7 @@ fn explained(rig: &str, effects: &[&str], seconds: f64, seed: u64) -> Explanatio
 /// rig file does not know: the record tells it with the friction.
 #[test]
 fn friction_under_a_load_that_rests_on_an_unknown_mass_is_named_with_the_mass() {
-    let e = explained("chaotic.toml", &["load-dependent-friction@joint1=1e-4"], 80.0, 1);
+    let e = explained("chaotic.toml", &["load-dependent-friction@joint1=1e-4"], 50.0, 1);
     assert_eq!(e.verdict, Verdict::Explained, "{}", e.reason);
     let [f] = &e.effects[..] else { panic!("{:?}", e.effects) };
     assert_eq!((f.id.as_str(), f.at.as_str(), f.unit.as_str()), ("load-dependent-friction", "joint1", "m"));
@@ -59,7 +59,7 @@ fn an_offset_of_half_a_count_is_told_as_how_counts_were_made() {
 /// A spring whose torque jumps where the arm turns over: what the jump does is located.
 #[test]
 fn a_stiff_law_in_a_joint_that_whirls_leaves_nothing() {
-    let e = explained("chaotic.toml", &["quintic-stiffness@joint2=3e-6"], 60.0, 3);
+    let e = explained("chaotic.toml", &["quintic-stiffness@joint2=3e-6"], 40.0, 3);
     assert_eq!(e.verdict, Verdict::Explained, "{}", e.reason);
     let [f] = &e.effects[..] else { panic!("{:?}", e.effects) };
     assert_eq!((f.id.as_str(), f.at.as_str()), ("quintic-stiffness", "joint2"));
@@ -69,7 +69,7 @@ fn a_stiff_law_in_a_joint_that_whirls_leaves_nothing() {
 /// LuGre's friction without a peak is Dahl's, about whose motion alone their shapes are alike.
 #[test]
 fn of_a_law_and_the_one_that_refines_it_the_simpler_is_named() {
-    let e = explained("chaotic.toml", &["dahl-friction@joint1=2e-4,d=0.02"], 60.0, 3);
+    let e = explained("chaotic.toml", &["dahl-friction@joint1=2e-4,d=0.02"], 40.0, 3);
     assert_eq!(e.verdict, Verdict::Explained, "{}", e.reason);
     let [f] = &e.effects[..] else { panic!("{:?}", e.effects) };
     assert_eq!((f.id.as_str(), f.at.as_str()), ("dahl-friction", "joint1"));
@@ -79,7 +79,7 @@ fn of_a_law_and_the_one_that_refines_it_the_simpler_is_named() {
 
 #[test]
 fn a_hidden_drag_is_named_with_its_strength_and_the_gap_closes() {
-    let e = explained("chaotic.toml", &["quadratic-drag@arm2=2e-7"], 80.0, 1);
+    let e = explained("chaotic.toml", &["quadratic-drag@arm2=2e-7"], 50.0, 1);
     assert_eq!(e.verdict, Verdict::Explained, "{}", e.reason);
     assert_eq!(e.effects.len(), 1, "{:?}", e.effects);
     let f = &e.effects[0];
@@ -130,7 +130,7 @@ fn nothing_is_named_where_nothing_is_missing() {
 
 #[test]
 fn a_locked_record_decides_nothing() {
-    let e = explained("seed.toml", &["quadratic-drag@arm2=2e-7"], 60.0, 1);
+    let e = explained("seed.toml", &["quadratic-drag@arm2=2e-7"], 30.0, 1);
     assert_eq!(e.verdict, Verdict::NotDecidable, "{}", e.reason);
     assert!(e.effects.is_empty() && e.reason == Reason::Undecidable(Undecidable::Locked), "{}", e.reason);
 }
@@ -182,7 +182,7 @@ fn chance_has_no_name() {
 
 #[test]
 fn two_hidden_effects_are_both_named() {
-    let e = explained("chaotic.toml", &["drive-harmonic-2@drive=0.01", "cogging@joint2=5e-5,n=8"], 80.0, 3);
+    let e = explained("chaotic.toml", &["drive-harmonic-2@drive=0.01", "cogging@joint2=5e-5,n=8"], 50.0, 3);
     let mut names: Vec<String> = e.effects.iter().map(|f| format!("{}@{}", f.id, f.at)).collect();
     names.sort();
     assert_eq!(names, ["cogging@joint2", "drive-harmonic-2@drive"], "{:?}", e.effects);
@@ -195,7 +195,7 @@ fn two_hidden_effects_are_both_named() {
 #[test]
 fn a_shape_that_has_no_name_is_unexplained_and_drawn() {
     let hidden = ["cogging@joint2=1e-4,n=3", "cogging@joint2=1e-4,n=5", "cogging@joint2=1e-4,n=7"];
-    let e = explained("chaotic.toml", &hidden, 80.0, 4);
+    let e = explained("chaotic.toml", &hidden, 60.0, 4);
     assert_eq!(e.verdict, Verdict::Unexplained, "{} {:?}", e.reason, e.effects);
     let u = e.unknown.as_ref().expect("a shape");
     assert_eq!((u.at.as_str(), u.against.as_str(), u.unit.as_str()), ("joint2", "angle of joint2", "N m"));
@@ -222,10 +222,10 @@ fn a_model_with_its_effect_is_written_and_read_again() {
     let here = folder.path();
     let rig = repository("rigs/chaotic.toml");
     let rig = rig.display();
-    done(here, &format!("simulate --rig {rig} --seconds 80 --seed 6 -o clean.parquet"));
+    done(here, &format!("simulate --rig {rig} --seconds 40 --seed 6 -o clean.parquet"));
     done(
         here,
-        &format!("simulate --rig {rig} --effect quadratic-drag@arm2=2e-7 --seconds 80 --seed 7 -o drag.parquet"),
+        &format!("simulate --rig {rig} --effect quadratic-drag@arm2=2e-7 --seconds 40 --seed 7 -o drag.parquet"),
     );
     done(here, &format!("identify clean.parquet --rig {rig} -o clean.toml"));
     // The model of the clean rig misses the drag.

@@ -1,5 +1,5 @@
-//! A quarter of a car on a measured road: a friction that acts on two masses, of which the record
-//! tells one.
+//! Quantities that are tied: a quarter of a car on a measured road, with a friction that acts on
+//! two masses, of which the record tells one; a mass on a spring that hangs.
 
 use std::path::Path;
 
@@ -118,4 +118,49 @@ fn coefficients_that_no_masses_have_are_told() {
     done(at, "identify r.parquet --rig rig.toml --json i.json --force");
     let warnings = json(&at.join("i.json"))["warnings"].clone();
     assert!(warnings.as_array().unwrap().iter().all(|w| w["id"] != "tie-violated"), "{warnings}");
+}
+
+const SPRING: &str = r#"
+name = "mass on a hanging spring"
+coordinates = { z = "length" }
+gravity = "down"
+parameters = { m = "kg", k = "N/m" }
+kinetic = "m*z'^2/2"
+potential = "k*z^2/2 - m*g*z"
+[[joint]]
+name = "spring"
+moves = "z"
+[nominal]
+effects = ["viscous-friction@spring"]
+"#;
+
+const HUNG: &str = r#"
+name = "mass on a hanging spring"
+model = "spring.toml"
+sample_rate_hz = 200.0
+channel = [{ name = "z_mm", measures = "z", unit = "mm" }]
+known = { m = 0.5 }
+[plant]
+m = 0.5
+k = 40.0
+"viscous-friction@spring" = 0.05
+initial = [0.3, 0.0]
+noise = { z_mm = 0.02 }
+settle_s = 0.0
+"#;
+
+/// Lengths that are shown too large make gravity too large by as much.
+#[test]
+fn a_scale_of_lengths_is_told_beside_gravity_and_the_clock() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    std::fs::write(at.join("spring.toml"), SPRING).unwrap();
+    std::fs::write(at.join("rig.toml"), HUNG).unwrap();
+    done(at, "simulate --rig rig.toml --effect scale-error@encoder1=0.01 --seconds 30 --seed 3 -o r.parquet");
+    let run = whirl(at, "identify r.parquet --rig rig.toml --json i.json");
+    assert!(run.status == 1 && run.stderr.contains("; or z reads 1.010 times what it is"), "{run:?}");
+    let all = json(&at.join("i.json"))["warnings"].clone();
+    let known = all.as_array().unwrap().iter().find(|w| w["id"] == "known-contradicted").unwrap();
+    assert!((known["would_agree"]["scale-error@encoder1"].as_f64().unwrap() - 0.01).abs() < 1e-4, "{known}");
+    assert!((known["would_agree"]["g"].as_f64().unwrap() - 9.908).abs() < 1e-3, "{known}");
 }

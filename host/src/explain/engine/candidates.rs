@@ -5,6 +5,7 @@ use std::sync::Arc;
 use super::memory;
 use super::setting::{Physical, Setting};
 use super::state::State;
+use crate::effects::changes;
 use crate::effects::columns::{self, Action};
 use crate::effects::entry::{Entry, Form, Verb};
 use crate::effects::places::{self, Place, SIZE};
@@ -35,7 +36,7 @@ pub struct Candidate {
     /// Whether these were moved between the grid's to what the model leaves.
     pub is_moved: bool,
     /// How it acts.
-    action: Action,
+    pub(super) action: Action,
     /// The same at a smaller and a greater value of each shape parameter that is refined, and half
     /// the step between them.
     beside: Vec<(f64, Box<[Action; 2]>)>,
@@ -100,9 +101,11 @@ impl Candidate {
         physical: &Physical,
     ) -> Option<Action> {
         let mechanism = setting.mechanism()?;
-        let (values, omega, span) = (&physical.values, setting.rig.omega(), setting.span);
-        let action = columns::action(entry, form, place, mechanism, values, omega, span).ok().flatten()?;
+        let (values, own) = setting.values_in(entry, place, form, physical)?;
+        let (omega, span) = (setting.rig.omega(), setting.span);
+        let action = columns::action(entry, form, place, mechanism, &values, omega, span).ok().flatten()?;
         match &action {
+            Action::Force(parts) if own => Some(Action::Force(changes::at_values(parts, mechanism, &values))),
             Action::Force(parts) if !physical.fixes(parts, mechanism) => None,
             _ => memory::numbered(setting, action),
         }

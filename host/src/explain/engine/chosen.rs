@@ -1,13 +1,15 @@
 //! The next effect, and what is told of it.
 
+use nalgebra::{DMatrix, DVector};
+
 use super::candidates::Candidate;
 use super::evidence::{Evidence, Outcome};
 use super::search::Search;
 use super::setting::Setting;
 use super::state::State;
 use super::{shooting, tell};
-use crate::explain::decision::{self, Choice, Offer, Rows};
-use crate::explain::explanation::{Explanation, Found};
+use crate::explain::decision::{self, Audit, Choice, Offer, Rows};
+use crate::explain::explanation::{Explanation, Found, Limit};
 use crate::explain::ranking::Fit;
 
 /// The next effect and what is told of it.
@@ -50,9 +52,13 @@ pub fn choose(
         Some(Box::new(found.flatten()?))
     };
     let selection = decision::Selection { evidence: judged, own, offers: &offers };
-    let (ranking, refused) = (&mut result.ranking, &mut result.refused);
-    let Choice { index, fit, p_value, share, twins, runner_up } =
-        decision::choose(&selection, step, ranking, refused, &feigned, &together)?;
+    let mut audit = Audit::default();
+    let choice = decision::choose(&selection, step, &mut audit, &feigned, &together);
+    result.ranking.extend(audit.ranking);
+    result.refused = audit.refused;
+    let limit = |(k, strengths): (usize, DVector<f64>)| limit_of(setting, state, &candidates[k], &strengths);
+    result.detection_limits = audit.limits.into_iter().filter_map(limit).collect();
+    let Choice { index, fit, p_value, share, twins, runner_up } = choice?;
     let candidate = &candidates[index];
     let found = Found {
         p_value,
@@ -62,6 +68,16 @@ pub fn choose(
         ..tell_of(setting, state, candidate, &fit)
     };
     Some((found, candidate.clone()))
+}
+
+/// What is told of strengths from which on a candidate would have been named; none where its value
+/// has no size in the laboratory's units.
+fn limit_of(setting: &Setting<'_>, state: &State, candidate: &Candidate, strengths: &DVector<f64>) -> Option<Limit> {
+    let none = DMatrix::zeros(strengths.len(), strengths.len());
+    let (reported, unit) = tell::value(setting, &state.physical, candidate, strengths.as_slice(), &none);
+    let value = reported.value.abs();
+    let told = Limit { id: candidate.entry.id.clone(), at: candidate.place_name(setting), value, unit };
+    (value.is_finite() && value > 0.0).then_some(told)
 }
 
 /// What is told of a candidate whose strengths stand last in a fit.

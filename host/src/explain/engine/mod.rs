@@ -41,6 +41,7 @@
 pub mod attractor;
 mod axes;
 mod candidates;
+mod cautions;
 mod chosen;
 pub mod compared;
 pub mod design;

@@ -9,8 +9,8 @@ use super::residual_map::{Map, Where};
 use super::setting::Setting;
 use super::state::State;
 use super::{
-    Outcome, attractor, compared, forecast, given, outliers, patched, prediction, residual, shooting, simulation, tell,
-    units, unknown,
+    Outcome, attractor, cautions, compared, forecast, given, outliers, patched, prediction, residual, shooting,
+    simulation, tell, units, unknown,
 };
 use crate::error::Result;
 use crate::explain::decidability::{EXPLAINED_GAP, Left};
@@ -311,7 +311,8 @@ impl<'a> Run<'a> {
         let noisy = if remade.as_ref().is_some_and(|r| r.of_inputs) { self.noisy_inputs() } else { Vec::new() };
         let Self { setting, told: Told { state, mut result, .. } } = self;
         tell::parameters(&setting, &state, (&outcome.fit.all, &outcome.covariance()), first, &mut result);
-        result.warnings.extend(tell::at_bounds(&state, &result));
+        result.warnings.extend(cautions::at_bounds(&state, &result));
+        result.warnings.extend(cautions::resting_on_open(&setting, &state, &result));
         let shape = (by_shooting && undecidable.is_none()).then(|| unknown::shape(&setting, &state, outcome)).flatten();
         let rest = Left {
             patched: patched::patched(&setting, &state, outcome),

@@ -183,12 +183,14 @@ impl Run<'_> {
         let blocks = shooting::evidence(&self.setting, &self.told.state, &further, false, &[])?;
         let (own, fit) = (outcome.own.clone(), outcome.fit.clone());
         let outcome = Outcome { candidates, evidence: Evidence::Shooting(blocks), own, fit };
-        let told = (self.told.result.ranking.clone(), self.told.result.refused.clone());
+        let result = &self.told.result;
+        let told = (result.ranking.clone(), result.refused.clone(), result.detection_limits.clone());
         let next = choose(&self.setting, &self.told.state, &outcome, search, &mut self.told.result);
         // The frequency was the best of many.
         let next = next.filter(|(found, _)| found.p_value * tests < OF_A_FAMILY);
         if next.is_none() {
-            (self.told.result.ranking, self.told.result.refused) = told;
+            let result = &mut self.told.result;
+            (result.ranking, result.refused, result.detection_limits) = told;
         }
         next
     }

@@ -1,6 +1,7 @@
 //! What stays the same while effects are added: the record, its sensors, the system without its
 //! dampings (written equations stand as they are).
 
+mod open_parameter;
 mod parameters;
 mod sized;
 

@@ -25,8 +25,6 @@ use crate::model::model_file::units::{self, Unit};
 use crate::system::language::SystemFile;
 use crate::system::mechanism::at;
 use crate::system::polynomial::Polynomial;
-use crate::warning::Warning;
-use crate::wording::format::significant;
 
 /// Name of the inertia of an equation: of the quantity that it is, if there is one.
 fn inertia_name(setting: &Setting<'_>, equation: usize) -> String {
@@ -300,34 +298,6 @@ pub fn parameters(
     result.parameters.extend(told);
 }
 
-/// Id of the warning about a shape at the end of what is tried.
-const AT_BOUND: &str = "shape-at-bound";
-
-/// A warning for every shape of an effect that was found at an end of what is tried: the best one
-/// lies beyond, and the strength that goes with it is another.
-pub fn at_bounds(state: &State, result: &Explanation) -> Vec<Warning> {
-    let mut out = Vec::new();
-    for (chosen, found) in state.chosen.iter().skip(state.nominal).zip(&result.effects) {
-        for shape in chosen.candidate.refined_shapes().into_iter().map(|k| &chosen.candidate.entry.shapes[k]) {
-            let (Some(within), Some(value)) = (shape.within, found.parameters.get(&shape.name)) else { continue };
-            if within.iter().all(|end| (value - end).abs() > 1e-9 * end.abs()) {
-                continue;
-            }
-            out.push(
-                Warning::new(
-                    AT_BOUND,
-                    format!("{} of {} came out at the end of what is tried ({})", shape.name, found.name(), significant(*value, 3)),
-                    "Its best value may lie beyond, and the strength beside it is then another: give the effect a wider range in an effect file (`whirl list effects` prints the entry)",
-                )
-                .with("effect", found.name())
-                .with("parameter", shape.name.as_str())
-                .with("value", *value),
-            );
-        }
-    }
-    out
-}
-
 /// A nominal damping's coefficient from its strength.
 fn damping(
     mechanism: &crate::system::mechanism::Mechanism,
@@ -356,7 +326,11 @@ pub fn model(setting: &Setting<'_>, state: &State, result: &Explanation) -> Resu
     let none = result.effects.is_empty() && result.given.is_empty();
     if let (false, Some(file)) = (none, setting.file()) {
         if !setting.is_written() {
-            found_with.extend(file.parameters.iter().zip(&state.physical.values).map(|(p, v)| (p.name.clone(), *v)));
+            // What an effect rests on, where that is a shape of it.
+            let in_form = |c: &Candidate| setting.values_in(&c.entry, c.place, &c.form, &state.physical);
+            let own = state.chosen.iter().rev().filter_map(|c| in_form(&c.candidate)).find(|v| v.1);
+            let values = own.map_or_else(|| state.physical.values.clone(), |v| v.0.into_owned());
+            found_with.extend(file.parameters.iter().zip(&values).map(|(p, v)| (p.name.clone(), *v)));
         }
         found_with.insert(RECORD_S.to_owned(), setting.span.length_s);
     }

@@ -50,7 +50,7 @@ impl Setting<'_> {
         if let (Place::Joint(k), true) = (place, entry.names(LOAD)) {
             return self.with_mass(entry, k, physical);
         }
-        let entry = self.as_large_as_the_motion(entry, place, file);
+        let entry = self.with_open(&self.as_large_as_the_motion(entry, place, file), place, physical);
         Some(if let Place::Between(i, j) = place { self.between(entry, (i, j), physical) } else { entry })
     }
 
@@ -122,7 +122,8 @@ impl Setting<'_> {
             return entry.clone();
         }
         let size = self.size(&moves, rate);
-        factor(&shape.grid, size).map_or_else(|| reaching(entry, size), |by| scaled(entry, &[by]))
+        let moved = factor(&shape.grid, size).map(|by| scaled(entry, &[by]));
+        reaching(moved.as_ref().unwrap_or(entry), size)
     }
 
     /// Rms of a joint's position (within a turn where it is an angle), or of its velocity by
@@ -156,9 +157,9 @@ fn factor(grid: &[f64], size: f64) -> Option<f64> {
 }
 
 /// How far beside the motion's size a shape that is a size may be refined, as a factor (by hand).
-const REACH: f64 = 100.0;
+const REACH: f64 = 1000.0;
 
-/// An entry whose bounds hold a hundredth and a hundred times the motion's size, where its shapes
+/// An entry whose bounds hold a thousandth and a thousand times the motion's size, where its shapes
 /// are sizes.
 fn reaching(entry: &Arc<Entry>, size: f64) -> Arc<Entry> {
     let mut out = (**entry).clone();
