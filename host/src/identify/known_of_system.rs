@@ -148,7 +148,7 @@ fn least_of(at: &impl Fn(f64) -> f64, [mut low, mut high]: [f64; 2], evaluations
 }
 
 /// Units of inputs that are motions.
-const MOTION: [&str; 4] = ["m", "m/s", "m/s^2", "m/s²"];
+const MOTION: [&str; 3] = ["m", "m/s", "m/s2"];
 
 /// Sensors of lengths, where gravity alone of what is known has a length in it: all of them read γ
 /// times what they show make it γ times what it is, and nothing else.

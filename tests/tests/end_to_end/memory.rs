@@ -179,3 +179,18 @@ fn what_follows_a_reversal_at_once_is_not_told_from_coulombs_friction() {
         whirl(folder.path(), &format!("simulate --rig {rig} --effect dahl-friction@x=0.8,d=1e-9 --seconds 5 -o s.csv"));
     assert!(run.status == 2 && run.stderr.contains("states of effects must take more than"), "{run:?}");
 }
+
+/// A sample that stands alone between missing ones has a state as well.
+#[test]
+fn a_sample_alone_between_missing_ones_is_no_stretch_to_stumble_over() {
+    let folder = tempfile::tempdir().unwrap();
+    let (at, rig) = (folder.path(), rig("duffing.toml"));
+    done(at, &format!("simulate --rig {rig} --seconds 30 --seed 4 -o whole.csv"));
+    let text = std::fs::read_to_string(at.join("whole.csv")).unwrap();
+    let first = text.lines().position(|l| l.starts_with(|c: char| c.is_ascii_digit())).unwrap();
+    let gone = |i: usize| [first + 1000, first + 1002].contains(&i);
+    let kept: Vec<&str> = text.lines().enumerate().filter(|(i, _)| !gone(*i)).map(|l| l.1).collect();
+    std::fs::write(at.join("r.csv"), kept.join("\n") + "\n").unwrap();
+    done(at, &format!("explain r.csv --rig {rig} --json out.json"));
+    assert_eq!(json(&at.join("out.json"))["verdict"], "nothing-missing");
+}

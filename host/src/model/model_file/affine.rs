@@ -24,7 +24,12 @@ impl Affine {
         let turning = tape.len() - width;
         // At the last sample, the end of the way to it.
         let sample = |i: usize| if i < samples { (i, [0.0; 2]) } else { (samples - 1, [1.0; 2]) };
-        let turns = if turning == 0 { Vec::new() } else { along(tape, width..tape.len(), course, samples + 1, sample) };
+        // One sample alone has no way.
+        let turns = if turning == 0 || samples == 0 {
+            Vec::new()
+        } else {
+            along(tape, width..tape.len(), course, samples + 1, sample)
+        };
         let turned = (0..samples)
             .map(|i| (0..turning).any(|k| turns[i * turning + k] * turns[(i + 1) * turning + k] <= 0.0))
             .collect();

@@ -37,6 +37,17 @@ fn dahls_friction_follows_its_closed_solution_however_stiff() {
     }
 }
 
+/// Stretches between missing samples may be of one, or of none.
+#[test]
+fn one_sample_alone_has_a_state() {
+    for count in [0, 1, 2] {
+        let (x, v) = swing(count, 0.01);
+        let course = Course { coordinates: &x, rates: &v, step_s: 0.01, circle: &[false] };
+        let z = dahl(0.1).follow(&course).unwrap().remove(0);
+        assert!(z.len() == count && z.iter().all(|z| z.is_finite()), "{count}: {z:?}");
+    }
+}
+
 /// Play of 0.2 under sin 3t: z stands for 0.4 of the way after a reversal, then follows 0.2 behind.
 #[test]
 fn play_follows_at_its_distance_from_where_it_is_taken_along() {
