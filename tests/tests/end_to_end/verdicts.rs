@@ -135,7 +135,7 @@ fn an_explained_model_is_taken_by_explain_and_validate() {
     let at = folder.path();
     rig_file(at, "chaotic.toml", "rig.toml", &[]);
     // A drift is told over the record's length, wherever its times begin.
-    done(at, "simulate --rig rig.toml --seconds 40 --seed 1 --effect amplitude-drift@drive=0.1 -o drift.parquet");
+    done(at, "simulate --rig rig.toml --seconds 24 --seed 1 --effect amplitude-drift@drive=0.1 -o drift.parquet");
     done(at, "explain drift.parquet --rig rig.toml -o drift.toml");
     let text = done(at, "validate drift.parquet --rig rig.toml --model drift.toml --json v.json");
     let median = json(&at.join("v.json"))["horizon"]["measured"]["quantiles_s"][2].as_f64().unwrap();
