@@ -61,7 +61,8 @@ fn what_is_too_small_to_be_named_may_be_there() {
     let ids = ["coulomb-friction", "a", "b", "c", "d", "e", "f", "g"];
     e.detection_limits = ids.into_iter().enumerate().map(limit).collect();
     let told = card(&e, &rig()).undecided.pop().unwrap();
-    assert!(told.contains("would have shown Coulomb friction in joint 1 of 1.5·10⁻⁶ N m; a"), "{told}");
+    let first = quantity(1.5e-6, "N m", 2);
+    assert!(told.contains(&format!("would have shown Coulomb friction in joint 1 of {first}; a")), "{told}");
     assert!(told.ends_with("(of 2 more: `detection_limits` with --json)."), "{told}");
 }
 
