@@ -13,7 +13,7 @@ pub fn ratios(parts: &[Part], mechanism: &Mechanism) -> Vec<(Polynomial, Polynom
         let (first, own) = (of(parts.iter().find(|q| q.strength == p.strength)?)?, of(p)?);
         Some((own.0.times(first.1).ok()?, own.1.times(&first.0).ok()?))
     };
-    parts.iter().filter(|p| !matches!(p.of, Law::Given(..))).filter_map(beside).collect()
+    parts.iter().filter_map(beside).collect()
 }
 
 /// Parts at values of the parameters, which they keep.

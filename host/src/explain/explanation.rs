@@ -161,7 +161,7 @@ impl Refused {
     }
 }
 
-/// The strength of an effect from which on it would have been named in 95 of 100 such records.
+/// The strength of an effect from which on it would have shown in 95 of 100 such records.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Limit {
     /// Effect.
@@ -225,7 +225,8 @@ pub struct Explanation {
     /// Candidates that were close in the last step, or were taken and given up, and why.
     pub refused: Vec<Refused>,
     /// Detection limits of effects of one form, where nothing but noise is left: how large each
-    /// would have to be to be named in 95 of 100 such records.
+    /// would have to be to show in 95 of 100 such records, under its own name or one that is hardly
+    /// told from it.
     pub detection_limits: Vec<Limit>,
     /// Residual maps, for the figures.
     pub maps: Vec<residual_map::Map>,

@@ -10,6 +10,9 @@
 //! terms (or γ of all others, where it stands without one). The γ at which the ties are missed least
 //! with everything known is told where it does as well.
 //!
+//! Sensors of lengths that all read γ times what they show make gravity γ times what it is: told
+//! beside it and the clock.
+//!
 //! Where two quantities are wrong, neither explains the other: [`super::known_jointly`].
 
 use std::collections::BTreeMap;

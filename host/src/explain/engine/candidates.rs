@@ -36,7 +36,7 @@ pub struct Candidate {
     /// Whether these were moved between the grid's to what the model leaves.
     pub is_moved: bool,
     /// How it acts.
-    pub(super) action: Action,
+    action: Action,
     /// The same at a smaller and a greater value of each shape parameter that is refined, and half
     /// the step between them.
     beside: Vec<(f64, Box<[Action; 2]>)>,

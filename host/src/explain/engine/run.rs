@@ -312,7 +312,6 @@ impl<'a> Run<'a> {
         let Self { setting, told: Told { state, mut result, .. } } = self;
         tell::parameters(&setting, &state, (&outcome.fit.all, &outcome.covariance()), first, &mut result);
         result.warnings.extend(cautions::at_bounds(&state, &result));
-        result.warnings.extend(cautions::resting_on_open(&setting, &state, &result));
         let shape = (by_shooting && undecidable.is_none()).then(|| unknown::shape(&setting, &state, outcome)).flatten();
         let rest = Left {
             patched: patched::patched(&setting, &state, outcome),
