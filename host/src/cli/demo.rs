@@ -11,7 +11,7 @@ use clap::Args;
 use super::Answer;
 use super::output::{Output, Replace};
 use super::outputs::Outputs;
-use super::progress::during;
+use super::progress::step;
 use crate::capture::CaptureSettings;
 use crate::error::{BadInput, Result};
 use crate::explain::card::card as explain_card;
@@ -139,29 +139,29 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         super::capture::human(&captured)
     );
     let record = Record::read(&record_path, &rig, &ReadOptions::default())?;
-    let inspection = during("1 of 7: inspecting the record", || inspect(&record, &rig, &InspectSettings::default()))?;
+    let inspection = step("1 of 7: inspecting the record", || inspect(&record, &rig, &InspectSettings::default()))?;
     line += &format!("\ninspect\n{}", crate::inspect::text::text(&inspection));
     let records = [record];
-    let identified = during("2 of 7: identifying the parameters", || identify(&records, &rig, &Settings::default()))?;
+    let identified = step("2 of 7: identifying the parameters", || identify(&records, &rig, &Settings::default()))?;
     line += &format!("\nidentify\n{}", super::identify::human(&identified, &identify_card(&identified, &rig)));
     let own_model = identified_model(&identified, &rig)?;
     let check = |what: &'static str, model: &IdentifiedModel| {
         let supplements = Supplements { inspection: Some(&inspection), ..Supplements::default() };
-        during(what, || validate(&records, &rig, model, supplements, &ValidateSettings::default()))
+        step(what, || validate(&records, &rig, model, supplements, &ValidateSettings::default()))
     };
     let validated = check("3 of 7: validating the model", &own_model)?;
     line += &format!("\nvalidate\n{}", crate::validate::presentation::human(&validated));
-    let reduced = during("4 of 7: reducing", || reduce(&records, &rig, &ReduceSettings::default()))?;
+    let reduced = step("4 of 7: reducing", || reduce(&records, &rig, &ReduceSettings::default()))?;
     line += &format!("\nreduce\n{}", super::reduce::human(&reduced));
     let looking = "5 of 7: looking for the effect that is missing";
-    let explained = during(looking, || explain(&records, &rig, &ExplainSettings::default()))?;
+    let explained = step(looking, || explain(&records, &rig, &ExplainSettings::default()))?;
     let card = explain_card(&explained, &rig);
     let explained_model = explained.model.as_ref().filter(|m| !m.effects.is_empty());
     let again = explained_model.map(|model| check("6 of 7: validating the model with it", model)).transpose()?;
     if let Some(again) = &again {
         line += &format!("\nvalidate the model with what was missing\n{}", crate::validate::presentation::human(again));
     }
-    let planned = during("7 of 7: planning the next experiment", || {
+    let planned = step("7 of 7: planning the next experiment", || {
         next_experiment(&rig, explained_model.unwrap_or(&own_model), arguments.seed)
     })?;
     line += &format!("\nplan\n{}", plan::presentation::human(&planned));

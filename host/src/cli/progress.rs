@@ -53,6 +53,15 @@ pub fn of_records(length: u64) -> ProgressBar {
     line
 }
 
+/// One of several steps of a long command: as [`during`]; a line of its own where no terminal is
+/// there.
+pub fn step<T>(what: &'static str, work: impl FnOnce() -> T) -> T {
+    if !QUIET.load(Ordering::Relaxed) && !std::io::stderr().is_terminal() {
+        eprintln!("{what}");
+    }
+    during(what, work)
+}
+
 /// Says what is being done, and for how long already, while it is done: for work whose length is
 /// not known beforehand.
 pub fn during<T>(what: impl Into<Cow<'static, str>>, work: impl FnOnce() -> T) -> T {

@@ -59,8 +59,7 @@ fn the_columns_are_what_the_simulated_frame_does() {
         let plant = YieldingFrame { drive: [0.0, omega], ..plant };
         let motion = record(&plant, [2.4, 1.0, rest, 0.0, 0.0, 0.0], STEP_S, 4000).unwrap();
         let of = |k: usize| motion.iter().map(|y| y[k]).collect::<Vec<f64>>();
-        let course =
-            Course { coordinates: &[of(0), of(1)], rates: &[of(3), of(4)], step_s: STEP_S, circle: &[true; 2] };
+        let course = Course::new(vec![of(0), of(1)], vec![of(3), of(4)], STEP_S, vec![true; 2]);
 
         let entry = catalogue().iter().find(|e| e.id == "resonator").unwrap();
         let form: Form = vec![("f".into(), frequency_hz), ("angle".into(), direction), ("zeta".into(), 0.06)];

@@ -74,7 +74,7 @@ fn shape(at: &str) -> Unknown {
     Unknown {
         at: at.to_owned(),
         against: "angle of joint2".to_owned(),
-        against_unit: "rad",
+        against_unit: "rad".to_owned(),
         unit: "N m".to_owned(),
         points: Vec::new(),
         held_out_gain: 0.02,

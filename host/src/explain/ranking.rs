@@ -225,15 +225,15 @@ pub fn held_out_likelihood(design: &Design, columns: &[usize], weights: &Weights
 /// Probability that strengths of zero give a Wald statistic as large, for the last `d` coefficients
 /// of a fit: the larger of that by the jackknife's covariance and that by the one of even noise.
 pub fn p_value(fit: &Fit, d: usize) -> f64 {
-    p_of_blocks(fit, d).max(p_of_even_noise(fit, d).unwrap_or(1.0))
+    let even = fit.even.as_ref().map_or(Some(0.0), |covariance| p_of_even_noise(&fit.all, covariance, d));
+    p_of_blocks(fit, d).max(even.unwrap_or(1.0))
 }
 
-/// The same by the covariance of even noise, whose freedom is that of all samples; none where it is
-/// singular.
-fn p_of_even_noise(fit: &Fit, d: usize) -> Option<f64> {
-    let Some(covariance) = &fit.even else { return Some(0.0) };
+/// The same of coefficients `all` by the covariance of even noise, whose freedom is that of all
+/// samples; none where it is singular.
+pub fn p_of_even_noise(all: &DVector<f64>, covariance: &DMatrix<f64>, d: usize) -> Option<f64> {
     let from = covariance.nrows().checked_sub(d)?;
-    let strengths = fit.all.rows(fit.all.len() - d, d).into_owned();
+    let strengths = all.rows(all.len() - d, d).into_owned();
     let factor = covariance.view((from, from), (d, d)).into_owned().cholesky()?;
     let wald = strengths.dot(&factor.solve(&strengths));
     ChiSquared::new(d as f64).ok().filter(|_| wald.is_finite()).map(|of| of.sf(wald))

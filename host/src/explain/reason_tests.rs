@@ -11,7 +11,7 @@ fn shape() -> Unknown {
     Unknown {
         at: "joint2".to_owned(),
         against: "drive phase".to_owned(),
-        against_unit: "rad",
+        against_unit: "rad".to_owned(),
         unit: "N m".to_owned(),
         points: Vec::new(),
         held_out_gain: 0.124,

@@ -66,10 +66,7 @@ struct Settling {
 #[derive(Debug)]
 pub struct History {
     start_s: f64,
-    step_s: f64,
-    coordinates: Vec<Vec<f64>>,
-    rates: Vec<Vec<f64>>,
-    circle: Vec<bool>,
+    motion: Course,
     laws: Arc<Laws>,
     series: RwLock<Vec<Series>>,
 }
@@ -109,15 +106,8 @@ impl History {
             (smooth, slope)
         });
         let (coordinates, rates) = smoothed.unzip();
-        Self {
-            start_s,
-            step_s,
-            coordinates,
-            rates,
-            circle: circle.to_vec(),
-            laws: laws.clone(),
-            series: RwLock::default(),
-        }
+        let motion = Course::new(coordinates, rates, step_s, circle.to_vec());
+        Self { start_s, motion, laws: laws.clone(), series: RwLock::default() }
     }
 
     /// The same where the motion is known better: parts of `states`, coordinates and then rates at
@@ -125,8 +115,8 @@ impl History {
     /// followed anew.
     #[must_use]
     pub fn moved<'a>(&self, parts: impl Iterator<Item = (usize, &'a [f64])>, numbers: &[usize]) -> Self {
-        let n = self.coordinates.len();
-        let (mut coordinates, mut rates) = (self.coordinates.clone(), self.rates.clone());
+        let n = self.motion.coordinates().len();
+        let (mut coordinates, mut rates) = (self.motion.coordinates().to_vec(), self.motion.rates().to_vec());
         for (first, states) in parts {
             for (i, state) in states.chunks_exact(2 * n).enumerate() {
                 coordinates.iter_mut().zip(&state[..n]).for_each(|(x, q)| x[first + i] = *q);
@@ -140,7 +130,19 @@ impl History {
             Series { values, ..Series::default() }
         });
         let series = RwLock::new(kept.collect());
-        Self { coordinates, rates, circle: self.circle.clone(), laws: self.laws.clone(), series, ..*self }
+        let motion = Course::new(coordinates, rates, self.motion.step_s(), self.motion.circle().to_vec());
+        Self { start_s: self.start_s, motion, laws: self.laws.clone(), series }
+    }
+
+    /// Turn of the motion between two samples, rad: √(rms of the velocities' second differences over
+    /// theirs), ω h at one frequency; the greatest of all coordinates.
+    pub fn turn_rad(&self) -> f64 {
+        let of = |rates: &Vec<f64>| {
+            let all: f64 = rates.iter().map(|v| v * v).sum();
+            let bends: f64 = rates.windows(3).map(|v| (v[0] - 2.0 * v[1] + v[2]).powi(2)).sum();
+            if all > 0.0 { (bends / all).powf(0.25) } else { 0.0 }
+        };
+        self.motion.rates().iter().map(of).fold(0.0, f64::max)
     }
 
     fn series(&self, number: usize) -> Series {
@@ -167,9 +169,7 @@ impl History {
         let values = self.series(number).values;
         let _ = values.get_or_init(|| {
             let (memory, state) = self.laws.law(number)?;
-            let (coordinates, rates) = (&self.coordinates, &self.rates);
-            let course = Course { coordinates, rates, step_s: self.step_s, circle: &self.circle };
-            let mut all = memory.follow(&course)?;
+            let mut all = memory.follow(&self.motion)?;
             (state < all.len()).then(|| all.swap_remove(state))
         });
         values
@@ -211,19 +211,19 @@ impl History {
         let (memory, _) = self.laws.law(number)?;
         let values: Vec<Values> = (0..memory.len()).map(|j| self.values(self.laws.number(&memory, j))).collect();
         let values: Vec<&[f64]> = values.iter().map(|v| v.get()?.as_deref()).collect::<Option<_>>()?;
-        let count = self.coordinates.first().map_or(0, Vec::len);
+        let (motion, count) = (&self.motion, self.motion.len());
         let of = |(j, rate): (usize, &Node)| {
             let slope = rate.derivative_between_jumps(Symbol::State(j))?;
             let at = |i: usize| {
                 slope.value(&|s| match s {
-                    Symbol::Coordinate(k) if self.circle[k] => wrapped(self.coordinates[k][i]),
-                    Symbol::Coordinate(k) => self.coordinates[k][i],
-                    Symbol::Rate(k) => self.rates[k][i],
+                    Symbol::Coordinate(k) if motion.circle()[k] => wrapped(motion.coordinates()[k][i]),
+                    Symbol::Coordinate(k) => motion.coordinates()[k][i],
+                    Symbol::Rate(k) => motion.rates()[k][i],
                     Symbol::State(k) => values[k][i],
                     _ => f64::NAN,
                 })
             };
-            Some((0..count).map(|i| at(i) * self.step_s).collect())
+            Some((0..count).map(|i| at(i) * motion.step_s()).collect())
         };
         memory.rates().iter().enumerate().map(of).collect()
     }
@@ -248,7 +248,7 @@ impl History {
     /// A state at `count` samples from a time on; beyond the stretch as at its ends, NaN where it
     /// leaves the finite numbers.
     pub fn since(&self, number: usize, start_s: f64, count: usize) -> Vec<f64> {
-        let first = ((start_s - self.start_s) / self.step_s).round();
+        let first = ((start_s - self.start_s) / self.motion.step_s()).round();
         // Rounded; the cast cuts nothing but what lies before the stretch.
         let first = first.max(0.0) as usize;
         let found = self.followed(number, |all| {
@@ -274,10 +274,12 @@ mod tests {
         let laws = Arc::new(Laws::default());
         let history = History {
             start_s: 0.0,
-            step_s: 0.01,
-            coordinates: vec![(0..200).map(|i| 0.1 * f64::from(i)).collect()],
-            rates: vec![vec![10.0; 200]],
-            circle: vec![false],
+            motion: Course::new(
+                vec![(0..200).map(|i| 0.1 * f64::from(i)).collect()],
+                vec![vec![10.0; 200]],
+                0.01,
+                vec![false],
+            ),
             laws: laws.clone(),
             series: RwLock::default(),
         };

@@ -11,6 +11,10 @@ pub(in crate::explain) trait Evidence: Sync {
     /// The fit of some columns; none where they are singular.
     fn fit(&self, columns: &[usize]) -> Option<Fit>;
 
+    /// A lower bound, quickly found, of [`ranking::p_value`] of the last `d` of some columns; none
+    /// where there is no fit.
+    fn least_p(&self, columns: &[usize], d: usize) -> Option<f64>;
+
     /// Held-out scores of the strongest candidates by weights from their own fits, infinite for the
     /// others, where weights rest on the fit. `scores`: each one's gain, first column and number of
     /// columns.
@@ -33,6 +37,10 @@ pub(in crate::explain) struct Rows<'a> {
 impl Evidence for Rows<'_> {
     fn fit(&self, columns: &[usize]) -> Option<Fit> {
         ranking::fit(self.design, columns, self.weights)
+    }
+
+    fn least_p(&self, _columns: &[usize], _d: usize) -> Option<f64> {
+        Some(0.0)
     }
 
     fn rescored(&self, own: &[usize], most: usize, scores: &[(f64, (usize, usize))]) -> Option<Vec<f64>> {

@@ -44,8 +44,11 @@ impl Field<'_> {
         let range = |s: &Score| ranges.get(&s.index).cloned().unwrap_or_default();
         let fit = |first: &Score, last: &Score| -> Option<(f64, f64, Vec<f64>)> {
             let columns: Vec<usize> = self.own.iter().copied().chain(range(first)).chain(range(last)).collect();
-            let fit = together.fit(&columns)?;
             let d = self.places[last.index].1;
+            if together.least_p(&columns, d)? * tests >= OF_A_FAMILY {
+                return None;
+            }
+            let fit = together.fit(&columns)?;
             // One that would have to feed the motion is held at nothing.
             let first_at = fit.all.len() - d - self.places[first.index].1;
             if self.offers[first.index].positive && fit.all[first_at] <= 0.0 {

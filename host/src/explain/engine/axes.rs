@@ -2,6 +2,7 @@
 //! drive's phase, time.
 
 use super::setting::Setting;
+use super::units;
 use crate::effects::places::{self, Place};
 use crate::model::model_file::expression::{Function, Node, Symbol, call, symbol};
 use crate::system::derivative::by_time;
@@ -12,7 +13,7 @@ pub struct Axis {
     /// Name.
     pub name: String,
     /// Unit.
-    pub unit: &'static str,
+    pub unit: String,
     /// Whether it runs from −π to π.
     pub turn: bool,
     /// Its value.
@@ -20,30 +21,52 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// The angle or position of what moves by `moves`.
-    pub fn position(name: &str, moves: &Polynomial, is_angle: bool) -> Self {
-        let what = if is_angle { "angle" } else { "position" };
+    /// The angle or position of what moves by `moves`; the value of what is neither.
+    pub fn position(setting: &Setting<'_>, name: &str, moves: &Polynomial, is_angle: bool) -> Self {
+        let unit = unit_of(setting, moves, is_angle);
+        let what = match unit.as_str() {
+            "rad" => "angle",
+            "m" => "position",
+            _ => "value",
+        };
         let of = if is_angle { call(Function::Wrap, moves.node()) } else { moves.node() };
-        Self { name: format!("{what} of {name}"), unit: if is_angle { "rad" } else { "m" }, turn: is_angle, of }
+        Self { name: format!("{what} of {name}"), unit, turn: is_angle, of }
     }
 
-    /// Its velocity, where there is one.
+    /// Its velocity, or its rate, where there is one.
     pub fn velocity(setting: &Setting<'_>, name: &str, moves: &Polynomial, is_angle: bool) -> Option<Self> {
         let rate = by_time(moves, setting.file()?.coordinates.len(), setting.rig.omega()).ok()?;
-        let unit = if is_angle { "rad/s" } else { "m/s" };
-        Some(Self { name: format!("velocity of {name}"), unit, turn: false, of: rate.node() })
+        let unit = unit_of(setting, moves, is_angle);
+        let what = if matches!(unit.as_str(), "rad" | "m") { "velocity" } else { "rate" };
+        Some(Self { name: format!("{what} of {name}"), unit: format!("{unit}/s"), turn: false, of: rate.node() })
     }
 
     /// The drive's phase, where there is a drive.
     pub fn phase(setting: &Setting<'_>) -> Option<Self> {
         let of = call(Function::Wrap, symbol(Symbol::Tau));
-        setting.rig.drive.map(|_| Self { name: "drive phase".to_owned(), unit: "rad", turn: true, of })
+        setting.rig.drive.map(|_| Self { name: "drive phase".to_owned(), unit: "rad".to_owned(), turn: true, of })
     }
 
     /// Time.
     pub fn time() -> Self {
-        Self { name: "time".to_owned(), unit: "s", turn: false, of: symbol(Symbol::Time) }
+        Self { name: "time".to_owned(), unit: "s".to_owned(), turn: false, of: symbol(Symbol::Time) }
     }
+}
+
+/// Unit of what moves by `moves`: a coordinate's own, or that of the difference of two; a length
+/// otherwise.
+fn unit_of(setting: &Setting<'_>, moves: &Polynomial, is_angle: bool) -> String {
+    if is_angle {
+        return "rad".to_owned();
+    }
+    let coordinate = |k: usize| Polynomial::motion(Symbol::Coordinate(k));
+    let count = setting.circle.len();
+    let is_that_of = |k: &usize| {
+        let differs = |j: usize| *moves == coordinate(*k).minus(&coordinate(j));
+        *moves == coordinate(*k) || (0..count).any(differs)
+    };
+    let own = (0..count).find(is_that_of).map(|k| units::si_unit(setting.rig, setting.whole, k));
+    own.filter(|unit| unit != "rad").unwrap_or_else(|| "m".to_owned())
 }
 
 /// Each joint, and each arm whose angle is no joint's, with what moves there.
@@ -67,7 +90,7 @@ pub fn all(setting: &Setting<'_>) -> Vec<Axis> {
         let is_angle = matches!(place, Place::Arm(_)) || places::is_angle(file, &moves);
         // How an arm stands is told by its joints.
         if matches!(place, Place::Joint(_)) {
-            out.push(Axis::position(&name, &moves, is_angle));
+            out.push(Axis::position(setting, &name, &moves, is_angle));
         }
         out.extend(Axis::velocity(setting, &name, &moves, is_angle));
     }
@@ -80,7 +103,7 @@ pub fn all(setting: &Setting<'_>) -> Vec<Axis> {
 pub fn of_force(setting: &Setting<'_>, place: Place, moves: &Polynomial) -> Vec<Axis> {
     let Some(file) = setting.file() else { return Vec::new() };
     let (name, is_angle) = (place.name(file), places::is_angle(file, moves));
-    let mut out = vec![Axis::position(&name, moves, is_angle)];
+    let mut out = vec![Axis::position(setting, &name, moves, is_angle)];
     out.extend(Axis::velocity(setting, &name, moves, is_angle));
     out.extend(Axis::phase(setting));
     out

@@ -51,6 +51,10 @@ impl decision::Evidence for Blocks {
         Blocks::fit(self, columns)
     }
 
+    fn least_p(&self, columns: &[usize], d: usize) -> Option<f64> {
+        self.p_of_even_noise(columns, d)
+    }
+
     fn rescored(&self, _own: &[usize], _most: usize, _scores: &[(f64, (usize, usize))]) -> Option<Vec<f64>> {
         None
     }

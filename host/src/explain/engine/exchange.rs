@@ -243,6 +243,9 @@ fn instead(
 ) -> Option<Tried> {
     let d = candidate.strengths();
     let columns: Vec<usize> = rest.iter().copied().chain(first..first + d).collect();
+    if without.p_of_even_noise(&columns, d)? * (offers as f64) >= OF_A_FAMILY {
+        return None;
+    }
     let fit = without.fit(&columns)?;
     if candidate.entry.positive[0] && fit.all[fit.all.len() - d] <= 0.0 {
         return None;

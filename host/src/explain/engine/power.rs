@@ -126,12 +126,12 @@ impl Power {
                 bins.push([at, value, band]);
                 if value > CLEARLY * band {
                     let (from, to) = ((at - 0.5 * step).max(0.0), at + 0.5 * step);
-                    let (against, units) = ("frequency".to_owned(), ("Hz", unit.clone()));
+                    let (against, units) = ("frequency".to_owned(), ("Hz".to_owned(), unit.clone()));
                     places.push(Where { equation: e + 1, against, from, to, value, band, units });
                 }
             }
             let against = "frequency".to_owned();
-            maps.push(Map { equation: e + 1, against, against_unit: "Hz", unit: unit.clone(), bins });
+            maps.push(Map { equation: e + 1, against, against_unit: "Hz".to_owned(), unit: unit.clone(), bins });
         }
         let mut places = merge(places);
         places.truncate(MOST_PLACES);

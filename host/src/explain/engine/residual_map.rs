@@ -39,13 +39,13 @@ pub struct Where {
     pub band: f64,
     /// Unit of the coordinate, and of the residual.
     #[serde(skip)]
-    pub units: (&'static str, String),
+    pub units: (String, String),
 }
 
 impl Where {
     /// The stretch in words: `frequency 0 … 5.16 Hz`.
     pub fn stretch(&self) -> String {
-        let to = with_unit(significant(self.to, 3), self.units.0);
+        let to = with_unit(significant(self.to, 3), &self.units.0);
         format!("{} {} … {to}", self.against, significant(self.from, 3))
     }
 
@@ -67,7 +67,7 @@ pub struct Map {
     /// Coordinate.
     pub against: String,
     /// Unit of the coordinate.
-    pub against_unit: &'static str,
+    pub against_unit: String,
     /// Unit of the residual.
     pub unit: String,
     /// Centre, mean residual, band of each bin that holds samples.
@@ -150,14 +150,14 @@ impl Residual<'_> {
                         to: from + width,
                         value: sum / n,
                         band,
-                        units: (axis.unit, self.unit.to_owned()),
+                        units: (axis.unit.clone(), self.unit.to_owned()),
                     });
                 }
             }
             maps.push(Map {
                 equation: self.equation,
                 against: axis.name.clone(),
-                against_unit: axis.unit,
+                against_unit: axis.unit.clone(),
                 unit: self.unit.to_owned(),
                 bins,
             });
@@ -233,7 +233,7 @@ mod tests {
             to: from + 1.0,
             value,
             band: 1.0,
-            units: ("m", "N".to_owned()),
+            units: ("m".to_owned(), "N".to_owned()),
         };
         assert_eq!(place("position of x", 0.5, 2.0).stretch(), "position of x 0.500 … 1.50 m");
         assert_eq!(place("x", 0.0, -2.0).residual(-2.0), "−2.0 N");

@@ -95,7 +95,7 @@ impl<'a> Run<'a> {
     /// points at which columns are integrated.
     fn step_s(&self) -> Option<f64> {
         let shortest = self.setting.rig.drive.map_or(self.told.horizons.0, |d| 1.0 / d.frequency_hz);
-        self.setting.raw.first().map(|s| (s.step_s / self.setting.points() as f64).min(STEP * shortest))
+        self.setting.raw.first().map(|s| (s.step_s / self.setting.points as f64).min(STEP * shortest))
     }
 
     /// The gap of the model with coefficients `x` at a horizon.

@@ -37,8 +37,8 @@ use crate::system::language::SystemFile;
 use crate::system::mechanism::Mechanism;
 use crate::warning::Warning;
 
-/// Turn of the low-pass's highest frequency between two points, rad: columns are integrated to
-/// (0.4)²/12, 1 % of what is fastest. Most points to a sample.
+/// Turn of the motion between two points, rad: forces are integrated to (0.4)⁴/240, a ten-thousandth.
+/// Most points to a sample.
 const MOST_TURN: f64 = 0.4;
 const MOST_POINTS: f64 = 16.0;
 
@@ -69,6 +69,8 @@ pub struct Setting<'a> {
     pub sensors: Sensors,
     /// Windows and low-passes.
     pub geometry: Geometry,
+    /// Points to a sample at which forces are computed.
+    pub points: usize,
     /// Whether each coordinate lies on a circle.
     pub circle: Vec<bool>,
     /// Beginning and length of the record.
@@ -140,6 +142,12 @@ impl<'a> Setting<'a> {
             (None, mechanism.and_then(|m| of_identification(m, &first, &known)))
         };
         let Some(physical) = physical else { return Ok(None) };
+        let turn = if whole.inputs.is_empty() {
+            raw.iter().filter_map(|s| Some(s.history.as_ref()?.turn_rad())).fold(0.0, f64::max)
+        } else {
+            // What is measured to act may be as fast as the low-pass lets through.
+            core::f64::consts::TAU * geometry.kernels.full.pass_hz / rig.sample_rate_hz
+        };
         let mut setting = Self {
             rig,
             whole,
@@ -153,6 +161,7 @@ impl<'a> Setting<'a> {
             signs: Vec::new(),
             sensors,
             geometry,
+            points: (turn / MOST_TURN).ceil().clamp(1.0, MOST_POINTS) as usize,
             circle,
             span,
             entries: effects::catalogue().iter().cloned().map(Arc::new).chain(rig.effects.iter().cloned()).collect(),
@@ -162,13 +171,6 @@ impl<'a> Setting<'a> {
         };
         setting.signs = signs::own(&setting, &physical, &first);
         Ok(Some(Begun { setting, first, physical, warnings }))
-    }
-
-    /// Points to a sample: so many that what the low-pass lets through turns by little between two.
-    pub fn points(&self) -> usize {
-        let spacing = self.raw.first().map_or(1.0, |s| s.step_s);
-        let turn = core::f64::consts::TAU * self.geometry.kernels.full.pass_hz * spacing;
-        (turn / MOST_TURN).ceil().clamp(1.0, MOST_POINTS) as usize
     }
 
     /// The system without dampings.

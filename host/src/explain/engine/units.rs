@@ -45,7 +45,7 @@ pub fn horizon(rig: &Rig, settings: &Settings, stretches: &[Stretch], period_s: 
 }
 
 /// SI unit of a coordinate.
-fn si_unit(rig: &Rig, bound: &ObservedModel, coordinate: usize) -> String {
+pub fn si_unit(rig: &Rig, bound: &ObservedModel, coordinate: usize) -> String {
     let row = (0..bound.sensors.len()).find(|&r| bound.shown[(r, coordinate)] != 0.0).unwrap_or(0);
     rig.channel[bound.sensors[row]].si_unit().to_owned()
 }

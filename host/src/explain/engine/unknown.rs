@@ -52,7 +52,7 @@ pub struct Unknown {
     /// What it depends on.
     pub against: String,
     /// Unit of the coordinate.
-    pub against_unit: &'static str,
+    pub against_unit: String,
     /// Unit of the torque (N m, or rad/s² where no inertia is known).
     pub unit: String,
     /// Coordinate, torque, half width of its 95 % band.
@@ -138,7 +138,7 @@ impl Hats {
         Unknown {
             at: setting.file().map_or_else(String::new, |f| self.place.name(f)),
             against: self.coordinate.name.clone(),
-            against_unit: self.coordinate.unit,
+            against_unit: self.coordinate.unit.clone(),
             unit,
             points: (0..self.columns.len()).map(point).collect(),
             held_out_gain,

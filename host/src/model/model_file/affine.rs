@@ -1,8 +1,8 @@
 //! Laws of states' rates that are straight lines in the states, r = a(x, v) + J(x, v) z, along a
 //! motion: a and J at every step at once, whatever the states come out as.
 
+use super::course::{Course, STEPS};
 use super::expression::Symbol;
-use super::memory::Course;
 use super::tape::{ABREAST, Registers, Tape};
 
 /// Rates and slopes along a motion.
@@ -15,20 +15,17 @@ pub(super) struct Affine {
 }
 
 impl Affine {
-    /// Of a tape of rates, slopes, and what signs and sizes are taken of, in `steps` to a sample.
-    pub fn new(tape: &Tape, states: usize, course: &Course<'_>, steps: usize) -> Self {
-        let samples = course.coordinates.first().map_or(0, Vec::len).saturating_sub(1);
+    /// Of a tape of rates, slopes, and what signs and sizes are taken of.
+    pub fn new(tape: &Tape, states: usize, course: &Course) -> Self {
+        let samples = course.len().saturating_sub(1);
         let width = states + states * states;
-        let step = |p: usize| (p / steps, [p % steps, p % steps + 1].map(|k| k as f64 / steps as f64));
-        let rows = along(tape, 0..width, course, samples * steps, step);
+        let rows = along(tape, 0..width, samples * STEPS, |s| course.over_steps(s));
         let turning = tape.len() - width;
-        // At the last sample, the end of the way to it.
-        let sample = |i: usize| if i < samples { (i, [0.0; 2]) } else { (samples - 1, [1.0; 2]) };
         // One sample alone has no way.
         let turns = if turning == 0 || samples == 0 {
             Vec::new()
         } else {
-            along(tape, width..tape.len(), course, samples + 1, sample)
+            along(tape, width..tape.len(), samples + 1, |s| course.at_samples(s))
         };
         let turned = (0..samples)
             .map(|i| (0..turning).any(|k| turns[i * turning + k] * turns[(i + 1) * turning + k] <= 0.0))
@@ -47,27 +44,22 @@ impl Affine {
     }
 }
 
-/// Some of a tape's expressions over parts of a motion (sample, from where to where on the way to the
-/// next) where all states are 0, part after part.
-fn along(
+/// Some of a tape's expressions where all states are 0, at `count` places of a motion at which it
+/// tells what coordinates and rates are, place after place.
+fn along<'a>(
     tape: &Tape,
     wanted: std::ops::Range<usize>,
-    course: &Course<'_>,
     count: usize,
-    part: impl Fn(usize) -> (usize, [f64; 2]),
+    motion: impl Fn(Symbol) -> Option<&'a [f64]>,
 ) -> Vec<f64> {
     let mut out = vec![0.0; count * wanted.len()];
-    let mut columns = vec![[0.0; ABREAST]; tape.symbols().len()];
+    let (none, unknown) = (vec![0.0; count], vec![f64::NAN; count]);
+    let of = |s: &Symbol| motion(*s).unwrap_or(if matches!(s, Symbol::State(_)) { &none } else { &unknown });
+    let columns: Vec<&[f64]> = tape.symbols().iter().map(of).collect();
     let mut registers = Registers::default();
     for (block, to) in out.chunks_mut(ABREAST * wanted.len()).enumerate() {
         let here = to.len() / wanted.len();
-        for (column, symbol) in columns.iter_mut().zip(tape.symbols()) {
-            for (lane, x) in column.iter_mut().enumerate().take(here) {
-                let (sample, part) = part(block * ABREAST + lane);
-                *x = if matches!(symbol, Symbol::State(_)) { 0.0 } else { course.over(*symbol, sample, part) };
-            }
-        }
-        let inputs: Vec<&[f64]> = columns.iter().map(|c| &c[..here]).collect();
+        let inputs: Vec<&[f64]> = columns.iter().map(|c| &c[block * ABREAST..][..here]).collect();
         tape.over(&inputs, here, &mut registers);
         for (k, expression) in wanted.clone().enumerate() {
             let values = &tape.output(expression, &registers)[..here];

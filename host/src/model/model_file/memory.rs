@@ -1,6 +1,6 @@
 //! States of effects that remember: dz_k/dt = r_k(x, v, z), followed along a motion that is known.
 //!
-//! Between two samples the coordinates are cubics with the rates at both ends. A step is the
+//! Between two samples the coordinates are cubics (`course`). A step is the
 //! exponential midpoint rule z ← z + h φ(h J) r with J = ∂r/∂z and φ(y) = (eʸ − 1)/y, at the place in
 //! the middle of the step and its mean rate: exact for laws that are linear in z where the motion is even, and
 //! stable however fast z settles (Dahl's law at a small presliding distance). Several states take
@@ -14,12 +14,12 @@ use std::sync::OnceLock;
 use nalgebra::{DMatrix, DVector};
 
 use super::affine::Affine;
-use super::equations_of_motion::wrapped;
+pub use super::course::Course;
+use super::course::STEPS;
 use super::expression::{Expression, Function, Node, Symbol, number};
 use super::tape::Tape;
 
-/// Steps to a sample, and to one within which a sign turns.
-const STEPS: usize = 2;
+/// Steps to a sample within which a sign turns; to others [`STEPS`].
 const STEPS_AT_TURNS: usize = 16;
 
 /// Laws of the rates of one or more states, over coordinates, rates and [`Symbol::State`].
@@ -33,66 +33,6 @@ pub struct Memory {
 impl PartialEq for Memory {
     fn eq(&self, other: &Self) -> bool {
         self.rates == other.rates
-    }
-}
-
-/// A motion at even times.
-#[derive(Clone, Copy, Debug)]
-pub struct Course<'a> {
-    /// Coordinates, unwrapped.
-    pub coordinates: &'a [Vec<f64>],
-    /// Their rates a second.
-    pub rates: &'a [Vec<f64>],
-    /// Spacing, s.
-    pub step_s: f64,
-    /// Whether each coordinate lies on a circle.
-    pub circle: &'a [bool],
-}
-
-impl Course<'_> {
-    /// A coordinate half-way through a part of the way from sample `i` to the next, or its mean rate
-    /// over that part, which is what a law that is linear in the rate is driven by.
-    pub(super) fn over(&self, symbol: Symbol, i: usize, [from, to]: [f64; 2]) -> f64 {
-        match symbol {
-            Symbol::Rate(k) => {
-                let way = self.way(k, i);
-                if to > from {
-                    (way.at(to) - way.at(from)) / ((to - from) * self.step_s)
-                } else {
-                    way.slope(from) / self.step_s
-                }
-            }
-            Symbol::Coordinate(k) => {
-                let x = self.coordinates[k][i] + self.way(k, i).at(0.5 * (from + to));
-                if self.circle[k] { wrapped(x) } else { x }
-            }
-            _ => f64::NAN,
-        }
-    }
-
-    fn way(&self, k: usize, i: usize) -> Way {
-        let whole = self.coordinates[k][i + 1] - self.coordinates[k][i];
-        let bends = [i, i + 1].map(|i| self.step_s * self.rates[k][i] - whole);
-        Way { whole, bends }
-    }
-}
-
-/// The cubic through two neighbouring samples with their rates (Hermite), from the first on.
-struct Way {
-    whole: f64,
-    /// What the rates at both ends would go further in one sample.
-    bends: [f64; 2],
-}
-
-impl Way {
-    fn at(&self, s: f64) -> f64 {
-        let [a, b] = self.bends;
-        s * self.whole + s * (1.0 - s) * (a * (1.0 - s) - b * s)
-    }
-
-    fn slope(&self, s: f64) -> f64 {
-        let [a, b] = self.bends;
-        self.whole + (1.0 - 2.0 * s) * (a * (1.0 - s) - b * s) - s * (1.0 - s) * (a + b)
     }
 }
 
@@ -168,9 +108,9 @@ impl Memory {
 
     /// Every state at every sample of a motion, from 0 on; none where one leaves the finite
     /// numbers.
-    pub fn follow(&self, course: &Course<'_>) -> Option<Vec<Vec<f64>>> {
+    pub fn follow(&self, course: &Course) -> Option<Vec<Vec<f64>>> {
         let m = self.len();
-        let count = course.coordinates.first().map_or(0, Vec::len);
+        let count = course.len();
         let mut walk = Walk {
             memory: self,
             course,
@@ -178,7 +118,7 @@ impl Memory {
             registers: Vec::new(),
             out: vec![0.0; self.tape().len()],
         };
-        let affine = self.is_affine().then(|| Affine::new(self.tape(), m, course, STEPS));
+        let affine = self.is_affine().then(|| Affine::new(self.tape(), m, course));
         let mut z = vec![0.0; m];
         let mut all = vec![Vec::with_capacity(count); m];
         let turns = m + m * m..self.tape().len();
@@ -208,7 +148,7 @@ impl Memory {
                     _ if turned => walk.cut(i, part, &mut z),
                     Some(affine) => {
                         affine.evaluate(i * STEPS + j, &z, &mut walk.out);
-                        walk.step((part[1] - part[0]) * course.step_s, &mut z);
+                        walk.step((part[1] - part[0]) * course.step_s(), &mut z);
                     }
                     None => walk.go(i, part, &mut z),
                 }
@@ -224,7 +164,7 @@ impl Memory {
 /// One way along a motion.
 struct Walk<'a> {
     memory: &'a Memory,
-    course: &'a Course<'a>,
+    course: &'a Course,
     values: Vec<f64>,
     registers: Vec<f64>,
     out: Vec<f64>,
@@ -246,7 +186,7 @@ impl Walk<'_> {
     /// One step over a part of the way from sample `i` to the next.
     fn go(&mut self, i: usize, [from, to]: [f64; 2], z: &mut [f64]) {
         self.evaluate(i, [from, to], z);
-        self.step((to - from) * self.course.step_s, z);
+        self.step((to - from) * self.course.step_s(), z);
     }
 
     /// The same in two, where an argument of a sign or a size turns: a state that is taken along from
@@ -276,6 +216,18 @@ impl Walk<'_> {
             // φ(y), whose series begins with 1.
             let phi = if y.abs() < 1e-8 { 1.0 } else { y.exp_m1() / y };
             *z += h * self.out[0] * phi;
+            return;
+        }
+        if let [z0, z1] = z {
+            let h = |k: usize| h * self.out[k];
+            let half = [[0.5 * h(2), 0.5 * h(3)], [0.5 * h(4), 0.5 * h(5)]];
+            // (h J)²/12 = (½ h J)²/3.
+            let square = |i: usize, j: usize| half[i][0] * half[0][j] + half[i][1] * half[1][j];
+            let of = |i: usize, j: usize| f64::from(u8::from(i == j)) - half[i][j] + square(i, j) / 3.0;
+            let [[a, b], [c, d]] = [[of(0, 0), of(0, 1)], [of(1, 0), of(1, 1)]];
+            let determinant = a * d - b * c;
+            *z0 += (d * h(0) - b * h(1)) / determinant;
+            *z1 += (a * h(1) - c * h(0)) / determinant;
             return;
         }
         let slopes = DMatrix::from_fn(m, m, |i, j| h * self.out[m + i * m + j]);

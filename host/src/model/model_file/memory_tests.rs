@@ -20,7 +20,7 @@ fn swing(count: usize, step_s: f64) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
 fn dahls_friction_follows_its_closed_solution_however_stiff() {
     let step_s = 0.005;
     let (x, v) = swing(2000, step_s);
-    let course = Course { coordinates: &x, rates: &v, step_s, circle: &[false] };
+    let course = Course::new(x.clone(), v.clone(), step_s, vec![false]);
     for (d, most) in [(0.3, 1e-4), (0.02, 1e-4), (1e-6, 1e-9)] {
         let z = dahl(d).follow(&course).unwrap().remove(0);
         let (mut from, mut start, mut sign) = (x[0][0], 0.0, 1.0);
@@ -42,7 +42,7 @@ fn dahls_friction_follows_its_closed_solution_however_stiff() {
 fn one_sample_alone_has_a_state() {
     for count in [0, 1, 2] {
         let (x, v) = swing(count, 0.01);
-        let course = Course { coordinates: &x, rates: &v, step_s: 0.01, circle: &[false] };
+        let course = Course::new(x.clone(), v.clone(), 0.01, vec![false]);
         let z = dahl(0.1).follow(&course).unwrap().remove(0);
         assert!(z.len() == count && z.iter().all(|z| z.is_finite()), "{count}: {z:?}");
     }
@@ -57,7 +57,7 @@ fn play_follows_at_its_distance_from_where_it_is_taken_along() {
     let law = multiply(v, multiply(number(0.5), add(number(1.0), sign(over))));
     let step_s = 0.005;
     let (x, v) = swing(2000, step_s);
-    let course = Course { coordinates: &x, rates: &v, step_s, circle: &[false] };
+    let course = Course::new(x.clone(), v.clone(), step_s, vec![false]);
     let z = Memory::new(vec![law]).follow(&course).unwrap().remove(0);
     let mut expected = 0.0_f64;
     for (i, z) in z.iter().enumerate() {
@@ -75,7 +75,7 @@ fn relaxation_is_a_high_pass() {
     };
     assert!((law(0.2).settles_s() - 0.2).abs() < 1e-15 && dahl(0.1).settles_s().is_infinite());
     let (x, v) = swing(4000, 0.005);
-    let course = Course { coordinates: &x, rates: &v, step_s: 0.005, circle: &[false] };
+    let course = Course::new(x.clone(), v.clone(), 0.005, vec![false]);
     for (t, most) in [(0.2, 1e-5), (1e-5, 2e-4)] {
         let z = law(t).follow(&course).unwrap().remove(0);
         for i in 3000..4000 {
@@ -93,7 +93,7 @@ fn several_states_swing_and_what_runs_away_is_refused() {
     let z = |k| symbol(Symbol::State(k));
     let two = Memory::new(vec![z(1), add(multiply(number(-400.0), z(0)), symbol(Symbol::Rate(0)))]);
     let (x, v) = swing(1000, 0.005);
-    let course = Course { coordinates: &x, rates: &v, step_s: 0.005, circle: &[false] };
+    let course = Course::new(x.clone(), v.clone(), 0.005, vec![false]);
     let out = two.follow(&course).unwrap();
     // z″ + 400 z = 3 cos 3t from rest.
     for i in 0..1000 {
@@ -130,7 +130,7 @@ fn a_state_followed_with_the_motion_is_that_along_it() {
     let initial = motion.with_states(&[1.0, 0.0], &[]);
     let all = solve(&motion, &[9.0, 1.2], &initial, &Nothing, &settings).unwrap();
     let column = |k: usize| vec![all.iter().map(|y| y[k]).collect::<Vec<f64>>()];
-    let course = Course { coordinates: &column(0), rates: &column(2), step_s, circle: &[false] };
+    let course = Course::new(column(0), column(2), step_s, vec![false]);
     let z = dahl(0.05).follow(&course).unwrap().remove(0);
     for (i, y) in all.iter().enumerate() {
         // y holds x, what nothing depends on, v, z.

@@ -30,6 +30,7 @@
 mod affine;
 pub mod basis;
 pub mod by_parts;
+mod course;
 pub mod equations_of_motion;
 pub mod expression;
 pub mod grammar;

@@ -41,8 +41,9 @@ enum Operation {
 /// Most points of [`Tape::over`]: the registers of a hundred operations stay in the first-level
 /// cache.
 pub const ABREAST: usize = 32;
-/// Most points of [`Tape::among`], neighbours included: what every call costs is shared by many.
-const MOST: usize = 128;
+/// Most points of [`Tape::among`], neighbours included: the registers of a thousand operations stay
+/// in the second-level cache.
+const MOST: usize = 40;
 
 /// Room for [`Tape::over`] and [`Tape::among`], and what they found.
 #[derive(Clone, Debug, Default)]
@@ -193,7 +194,7 @@ impl Tape {
         self.block::<ABREAST>(columns, 0..count, false, registers.room(self.operations.len(), ABREAST));
     }
 
-    /// Values of every expression at a range of `count` points, two fewer than 128 at most, with
+    /// Values of every expression at a range of `count` points, two fewer than 40 at most, with
     /// their neighbours where these matter: [`Tape::output`] shows them from the place that is
     /// returned.
     pub fn among(&self, columns: &[&[f64]], points: Range<usize>, count: usize, registers: &mut Registers) -> usize {

@@ -131,7 +131,7 @@ impl<'a> Course<'a> {
             between: &self.between[w.stretch],
             first: path.first + w.first,
             omega: self.omega,
-            points: self.setting.points(),
+            points: self.setting.points,
         }
     }
 

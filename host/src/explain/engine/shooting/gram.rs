@@ -2,9 +2,10 @@
 //! candidates that are never fitted together need no product, which is most of the work where there
 //! are hundreds.
 
+use core::ops::Range;
 use std::sync::Arc;
 
-use nalgebra::DMatrix;
+use nalgebra::{DMatrix, DMatrixView};
 
 /// Which columns are fitted together: the own ones, which come first, with all; those of a group
 /// with one another.
@@ -31,6 +32,18 @@ impl Layout {
             at += size;
         }
         Arc::new(Self { own, columns: at, groups, group_of })
+    }
+
+    /// The columns behind the own ones in strips of whole groups, about `width` columns each.
+    pub fn strips(&self, width: usize) -> Vec<Range<usize>> {
+        let mut out: Vec<Range<usize>> = Vec::new();
+        for &(at, size) in self.groups.iter().filter(|g| g.1 > 0) {
+            match out.last_mut() {
+                Some(last) if last.len() + size <= width => last.end = at + size,
+                _ => out.push(at..at + size),
+            }
+        }
+        out
     }
 
     /// The same with the groups of another of the same own columns behind its own.
@@ -66,14 +79,28 @@ impl Sums {
         }
     }
 
-    /// Adds rows, each a column of `rows`: the first, the layout's columns, the target.
-    pub fn push(&mut self, rows: &DMatrix<f64>) {
-        let (own, width) = (self.first + self.layout.own, rows.nrows());
+    /// Adds products of the first, the own columns and the target with one another: rows of these,
+    /// each a column.
+    pub fn push_head(&mut self, head: &DMatrix<f64>) {
+        let (own, turned) = (self.first + self.layout.own, head.transpose());
+        let product = head * turned;
+        let target = self.head.ncols() - 1;
+        for i in 0..=own {
+            (0..own).for_each(|j| self.head[(i, j)] += product[(i, j)]);
+            self.head[(i, target)] += product[(i, own)];
+        }
+    }
+
+    /// Adds products of columns behind the own ones, whole groups from column `from` on, with the
+    /// head's and with one another: rows of both, each a column.
+    pub fn push(&mut self, head: &DMatrixView<'_, f64>, from: usize, rows: &DMatrixView<'_, f64>) {
         let turned = rows.transpose();
-        self.head.rows_mut(0, own).gemm(1.0, &rows.rows(0, own), &turned, 1.0);
-        self.head.rows_mut(own, 1).gemm(1.0, &rows.rows(width - 1, 1), &turned, 1.0);
-        for (&(at, size), group) in self.layout.groups.iter().zip(&mut self.groups) {
-            let of = |i: usize| turned.column(self.first + at + i);
+        self.head.columns_mut(self.first + from, rows.nrows()).gemm(1.0, head, &turned, 1.0);
+        let within = |g: &&(usize, usize)| g.0 >= from && g.0 + g.1 <= from + rows.nrows();
+        let begin = self.layout.groups.partition_point(|g| g.0 < from);
+        let groups = self.layout.groups[begin..].iter().take_while(within);
+        for (&(at, size), group) in groups.zip(&mut self.groups[begin..]) {
+            let of = |i: usize| turned.column(at - from + i);
             for i in 0..size {
                 for j in 0..=i {
                     group[(i, j)] += of(i).dot(&of(j));
@@ -241,6 +268,17 @@ impl Gram {
 mod tests {
     use super::*;
 
+    /// Rows of the first, all columns, and the target: the head's, then strips of two columns.
+    fn add(to: &mut Sums, rows: &DMatrix<f64>) {
+        let (own, last) = (to.first + to.layout.own, rows.nrows() - 1);
+        let head = DMatrix::from_fn(own + 1, rows.ncols(), |i, j| rows[(if i < own { i } else { last }, j)]);
+        to.push_head(&head);
+        for strip in to.layout.clone().strips(2) {
+            let some = rows.rows(to.first + strip.start, strip.len()).into_owned();
+            to.push(&head.as_view(), strip.start, &some.as_view());
+        }
+    }
+
     /// Rows whose first columns are other ones' combinations, with all columns and the target: the
     /// sums are those of the rows themselves.
     #[test]
@@ -255,13 +293,13 @@ mod tests {
         let layout = Layout::new(2, &[1, 2]);
         let (mut sums, mut direct, mut carried) =
             (Sums::zeros(&layout, 2), Sums::zeros(&layout, 2), Sums::zeros(&layout, 2));
-        sums.push(&rows);
+        add(&mut sums, &rows);
         let mut other = rows.clone();
         for (mut to, from) in other.column_iter_mut().zip(rows.column_iter()) {
             let first = from.rows(0, 2).into_owned();
             (0..8).for_each(|i| to[i] = map.column(i).dot(&first) + if i < 2 { 0.0 } else { from[i] });
         }
-        direct.push(&other);
+        add(&mut direct, &other);
         sums.carried(&map, &mut carried);
         // Products of the others with the first stand in the first rows alone.
         for (i, j) in (0..5).flat_map(|i| (0..6).map(move |j| (i, j))).filter(|(i, j)| *i < 2 || *j >= 2) {
@@ -284,8 +322,8 @@ mod tests {
         let rows = DMatrix::from_fn(8, 40, |_, _| random());
         let layout = Layout::new(2, &[1, 2]);
         let mut sums = Sums::zeros(&layout, 2);
-        sums.push(&rows.columns(0, 25).into_owned());
-        sums.push(&rows.columns(25, 15).into_owned());
+        add(&mut sums, &rows.columns(0, 25).into_owned());
+        add(&mut sums, &rows.columns(25, 15).into_owned());
         let mut gram = sums.reduced(0).unwrap();
         let full = &rows * rows.transpose();
         let (a, b) = (full.view((0, 0), (2, 2)).into_owned(), full.view((0, 2), (2, 6)).into_owned());

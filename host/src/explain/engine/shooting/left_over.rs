@@ -27,7 +27,7 @@ impl Ground<'_> {
         let list = List { x: present(course.state), further, behind: &[], together: false };
         let (own, columns) = (list.x.len(), further.iter().map(|c| c.strengths()).sum::<usize>());
         let forced = course.forced(paths, windows, linear, &list)?;
-        let points = course.setting.points();
+        let points = course.setting.points;
         let of = |(w, alpha): (&super::Window, Option<Vec<f64>>)| {
             let alpha = alpha?;
             let path = &paths[w.stretch];

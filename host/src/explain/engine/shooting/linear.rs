@@ -3,11 +3,14 @@
 //!
 //! With states x_k of the path, the model's flow over one sample F, its slope A_k and the defects
 //! e_k = F(x_k) − x_{k+1}, the deviation δ of a solution of the model from the path obeys δ_{k+1} =
-//! A_k δ_k + e_k + U_k δp, U_k what a column's accelerations α do over a sample: Δ²(2α_k +
-//! α_{k+1})/6 for coordinates, Δ(α_k + α_{k+1})/2 for rates (over several points to a sample where
-//! samples are few). Sensors show S(q + δ_q) + Σ ε s(q): linear in δ_0, parameters, strengths and
-//! sensor laws alike. No solution has to be found first, and what is far from one still has its
-//! columns.
+//! A_k δ_k + e_k + u_k, u_k what the accelerations α by every column do over a sample (over several
+//! points to a sample where samples are few). They act as impulses: Δα at every point but the first
+//! and the last, and half of it there. That is the trapezoidal rule for ∫ Φ(t, s) α(s) ds, Φ the
+//! model's response, whose error is one of its ends alone (Euler and Maclaurin): −Δ²/12 ∂(Φα)/∂s, at
+//! s = t that of a coordinate Δ²α/12, which is added to what sensors show; at the beginning another
+//! initial state. What is left is (ω Δ)⁴/720. Sensors show S(q + δ_q) + Σ ε s(q): linear in δ_0,
+//! parameters, strengths and sensor laws alike. No solution has to be found first, and what is far
+//! from one still has its columns.
 
 use core::ops::{AddAssign, Range};
 use std::sync::Arc;
@@ -15,13 +18,10 @@ use std::sync::Arc;
 use nalgebra::{DMatrix, DVector};
 
 use super::gram::{Gram, Layout, Sums};
+use super::strips::{Along, STRIP, Strip};
 use super::window_inputs::WindowInputs;
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::abreast::{self, ABREAST, Steps, VectorField};
-use crate::model::vectors::combine;
-
-/// Rows whose products are summed at once.
-const CHUNK: usize = 256;
 
 /// The model's flow about a window's path.
 pub struct Linear {
@@ -30,15 +30,15 @@ pub struct Linear {
     /// Accelerations there, n for each.
     pub accelerations: Vec<f64>,
     /// Entries of δ: 2n, and the states of effects.
-    size: usize,
+    pub(super) size: usize,
     /// A_k, row after row, for each point but the last.
-    slopes: Vec<f64>,
+    pub(super) slopes: Vec<f64>,
     /// e_k for each sample but the last.
-    defects: Vec<f64>,
+    pub(super) defects: Vec<f64>,
     /// Points to a sample.
-    each: usize,
+    pub(super) each: usize,
     /// Time between points, s.
-    spacing: f64,
+    pub(super) spacing: f64,
 }
 
 /// What the sensors showed over a window, sensor after sensor for each sample, and how.
@@ -158,16 +158,6 @@ impl Linear {
         Some(())
     }
 
-    /// Weights of the accelerations at both ends of a step in the state's row `i`.
-    fn weights(&self, i: usize, n: usize) -> (f64, f64) {
-        let spacing = self.spacing;
-        match i / n {
-            0 => (spacing * spacing / 3.0, spacing * spacing / 6.0),
-            1 => (0.5 * spacing, 0.5 * spacing),
-            _ => (0.0, 0.0),
-        }
-    }
-
     /// The normal equations of a window over columns whose accelerations from one point to another
     /// `alpha` gives (see [`super::forcing::Driven::between`]), and those of its segments of
     /// `segment` samples, each with an initial state of its own. None where `alpha` has none.
@@ -209,7 +199,7 @@ impl Linear {
 
     /// Sums over a range of samples, between which the columns' accelerations are `alpha`, and what
     /// deviations there make of the state at its end: rows by the first state, the columns, and
-    /// the defects.
+    /// the defects. Columns are carried along in strips that stay in the cache.
     fn segment(
         &self,
         states: &[f64],
@@ -218,69 +208,35 @@ impl Linear {
         measured: &Measured<'_>,
         samples: Range<usize>,
     ) -> (Normal, Vec<f64>) {
-        let columns = layout.columns;
-        let sensors = measured.shown.len();
-        let n = measured.shown.first().map_or(0, Vec::len);
-        let (m, d) = (2 * n, self.size);
-        let width = d + columns + 1;
-        let last = states.len() / m - 1;
-        let mut z = vec![0.0; d * width];
-        (0..d).for_each(|i| z[i * width + i] = 1.0);
-        let mut next = z.clone();
+        let (columns, sensors) = (layout.columns, measured.shown.len());
+        let (m, d) = (2 * measured.shown.first().map_or(0, Vec::len), self.size);
+        let count = states.len() / m;
+        let along = Along { alpha, columns, measured, samples: samples.clone(), last: count - 1 };
         let mut sums = Sums::zeros(layout, d);
-        let mut chunk = DMatrix::zeros(width, CHUNK.min(samples.len() * sensors));
-        let mut filled = 0;
-        for k in samples.clone() {
-            let mut terms: Vec<(f64, &[f64])> = Vec::with_capacity(d);
-            for s in 0..sensors {
-                let mut column = chunk.column_mut(filled);
-                let row = column.as_mut_slice();
-                let scale = 1.0 / measured.sigma[s];
-                terms.clear();
-                let weights = measured.shown[s].iter().zip(z.chunks_exact(width)).filter(|w| *w.0 != 0.0);
-                terms.extend(weights.map(|(w, z)| (w * scale, z)));
-                combine(row, &terms);
-                let predicted: f64 = measured.shown[s].iter().zip(&states[m * k..]).map(|(w, q)| w * q).sum();
-                // The last column of z is what the defects add up to.
-                row[width - 1] = scale * (measured.values[k * sensors + s] - predicted) - row[width - 1];
-                for (c, _, law) in measured.laws.iter().filter(|l| l.1 == s) {
-                    row[d + c] += scale * law[k];
-                }
-                filled += 1;
-                if filled == chunk.ncols() {
-                    sums.push(&chunk);
-                    filled = 0;
-                }
-            }
-            if k == last {
-                break;
-            }
-            for point in k * self.each..(k + 1) * self.each {
-                let a = &self.slopes[d * d * point..];
-                let here = &alpha[(point - samples.start * self.each) * n * columns..][..2 * n * columns];
-                let mut terms: Vec<(f64, &[f64])> = Vec::with_capacity(d + 2);
-                for (i, to) in next.chunks_exact_mut(width).enumerate() {
-                    let by = z.chunks_exact(width).zip(&a[i * d..(i + 1) * d]).filter(|(_, f)| **f != 0.0);
-                    let (p, q) = self.weights(i, n);
-                    let of = |end: usize| &here[(end * n + i % n) * columns..][..columns];
-                    terms.clear();
-                    terms.extend(by.clone().map(|(z, f)| (*f, &z[d..d + columns])));
-                    terms.extend([(p, of(0)), (q, of(1))]);
-                    combine(&mut to[d..d + columns], &terms);
-                    for c in (0..d).chain([width - 1]) {
-                        to[c] = by.clone().map(|(z, f)| f * z[c]).sum();
-                    }
-                }
-                core::mem::swap(&mut z, &mut next);
-            }
-            for i in 0..d {
-                z[i * width + width - 1] += self.defects[d * k + i];
-            }
+        // The first state and the own columns, with the target: what the model shows less than was
+        // measured, and what defects add up to.
+        let own = Strip { lead: d, columns: 0..layout.own, trail: 1 };
+        let rows = samples.len() * sensors;
+        let mut head = DMatrix::zeros(own.width(), rows);
+        let ends = self.carried(&own, &along, |row, some| head.columns_mut(row, some.ncols()).copy_from(some));
+        for (row, mut of) in head.column_iter_mut().enumerate() {
+            let (k, s) = (samples.start + row / sensors, row % sensors);
+            let predicted: f64 = measured.shown[s].iter().zip(&states[m * k..]).map(|(w, q)| w * q).sum();
+            let target = &mut of[own.width() - 1];
+            *target = (measured.values[k * sensors + s] - predicted) / measured.sigma[s] - *target;
         }
-        if filled > 0 {
-            sums.push(&chunk.columns(0, filled).into_owned());
+        sums.push_head(&head);
+        let mut z = vec![0.0; d * (d + columns + 1)];
+        own.place(&ends, &mut z, d + columns + 1);
+        for columns in layout.strips(STRIP) {
+            let strip = Strip { lead: 0, columns, trail: 0 };
+            let from = strip.columns.start;
+            let ends = self.carried(&strip, &along, |row, some| {
+                sums.push(&head.columns(row, some.ncols()), from, some);
+            });
+            strip.place(&ends, &mut z, d + layout.columns + 1);
         }
-        (Normal { sums, rows: samples.len() * sensors, pinned: d - m }, z)
+        (Normal { sums, rows, pinned: d - m }, z)
     }
 
     /// The path moved by an initial step and a step of the columns; also the greatest rms movement
@@ -321,11 +277,10 @@ impl Linear {
             for point in k * self.each..(k + 1) * self.each {
                 let there = force(point + 1);
                 let a = &self.slopes[d * d * point..];
+                let half = 0.5 * self.spacing;
+                delta[n..m].iter_mut().zip(&here).for_each(|(x, f)| *x += half * f);
                 let mut next: Vec<f64> = (0..d).map(|i| (0..d).map(|j| a[i * d + j] * delta[j]).sum()).collect();
-                for (i, x) in next.iter_mut().enumerate() {
-                    let (p, q) = self.weights(i, n);
-                    *x += p * here[i % n] + q * there[i % n];
-                }
+                next[n..m].iter_mut().zip(&there).for_each(|(x, f)| *x += half * f);
                 (delta, here) = (next, there);
             }
             delta.iter_mut().zip(&self.defects[d * k..]).for_each(|(d, e)| *d += e);

@@ -28,6 +28,7 @@
 //! | [`forcing`] | accelerations by every column |
 //! | [`by_inertia`](mod@by_inertia) | what strengths do while inertias follow from coefficients |
 //! | [`linear`] | a window's normal equations |
+//! | [`strips`](mod@strips) | columns carried along a window together |
 //! | [`gram`] | sums of products of the columns that are fitted together |
 //! | [`left_over`] | what is left of every sample, and how far forces move it at once |
 //! | [`blocks`] | least squares over windows |
@@ -51,6 +52,7 @@ mod quieter;
 mod remade;
 pub mod signs;
 mod stage;
+mod strips;
 mod window_inputs;
 
 use std::sync::Arc;
