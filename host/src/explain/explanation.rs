@@ -248,6 +248,10 @@ pub struct Explanation {
     /// Samples that stand alone far from what the model says, where something is left unexplained.
     #[serde(skip)]
     pub outliers: Vec<Outlier>,
+    /// Whether slips of single counts show in what the first model leaves; none where it was not
+    /// looked for.
+    #[serde(skip)]
+    pub slips_show: Option<bool>,
     /// Things noticed.
     pub warnings: Vec<Warning>,
 }
@@ -333,6 +337,7 @@ impl Explanation {
             given: Vec::new(),
             model: None,
             outliers: Vec::new(),
+            slips_show: None,
             warnings,
         }
     }

@@ -94,14 +94,16 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
 /// The same with the mistakes that the equations show, and slips of counts taken back where that
 /// says more with less.
 fn suspecting(records: &[Record], rig: &Rig, settings: &Settings, suspects: Vec<Warning>) -> Result<Explanation> {
-    let slipped = if suspects.iter().any(suspected::grave) { None } else { identify::slips::taken_back(records, rig) };
-    let Some(back) = slipped else { return judged(records, rig, settings, suspects) };
-    let mended = judged(&back, rig, settings, suspects.clone())?;
-    if matches!(mended.verdict, Verdict::NothingMissing) {
-        return Ok(mended);
+    let sound = !suspects.iter().any(suspected::grave);
+    let as_read = judged(records, rig, settings, suspects.clone());
+    let looked = as_read.as_ref().is_ok_and(|e| e.slips_show == Some(false));
+    let slipped = if sound && !looked { identify::slips::taken_back(records, rig) } else { None };
+    let Some(back) = slipped else { return as_read };
+    let mended = judged(&back, rig, settings, suspects)?;
+    match as_read {
+        Ok(as_read) if mended.verdict != Verdict::NothingMissing && says_more(&as_read, &mended) => Ok(as_read),
+        _ => Ok(mended),
     }
-    let as_read = judged(records, rig, settings, suspects)?;
-    Ok(if says_more(&as_read, &mended) { as_read } else { mended })
 }
 
 /// Whether a record as it was read is answered, and with fewer effects than with slips of counts

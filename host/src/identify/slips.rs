@@ -90,10 +90,17 @@ pub fn find<D: Dynamics + ?Sized>(
     }
     let between = overlapping(problem, pieces, states, parameters);
     let all: Vec<(&Piece, &Vec<f64>)> = pieces.iter().zip(states).chain(between.iter().map(|(p, s)| (p, s))).collect();
-    let steps: Vec<Step> = all
-        .par_iter()
-        .filter_map(|(piece, state)| in_piece(problem, piece, state, parameters, first(piece), count))
-        .collect();
+    let of = |(piece, state): &(&Piece, &Vec<f64>)| {
+        let (residuals, by_state) = problem.linear(piece, state, parameters)?;
+        let seen = Seen { readings: &piece.measured, sigma: problem.sigma, count };
+        greatest_step(&residuals, &by_state, &seen, piece.stretch, first(piece))
+    };
+    let steps: Vec<Step> = all.par_iter().filter_map(of).collect();
+    believed(&steps)
+}
+
+/// Steps of pieces that are like what noise leaves without them, each once.
+pub fn believed(steps: &[Step]) -> Vec<Slip> {
     let mut left: Vec<f64> = steps.iter().map(|s| s.before).collect();
     left.sort_by(f64::total_cmp);
     let usual = left.get(left.len() / 2).map_or(1.0, |m| m.max(1.0));
@@ -136,31 +143,42 @@ fn overlapping<D: Dynamics + ?Sized>(
     (0..pieces.len().saturating_sub(1)).into_par_iter().filter_map(one).collect()
 }
 
+/// What the sensors showed over a piece.
+pub struct Seen<'a> {
+    /// Readings, sensor after sensor for each sample.
+    pub readings: &'a [f64],
+    /// Noise of each sensor.
+    pub sigma: &'a [f64],
+    /// Size of a count of each.
+    pub count: &'a [Option<f64>],
+}
+
 /// The greatest step of a piece, if any exceeds the limit, and the mean squares that the piece
 /// leaves with and without it.
-struct Step {
+pub struct Step {
     slip: Option<Slip>,
     before: f64,
     behind: f64,
 }
 
-/// Looks for the greatest step of a piece.
-fn in_piece<D: Dynamics + ?Sized>(
-    problem: &Problem<'_, D>,
-    piece: &Piece,
-    state: &[f64],
-    parameters: &[f64],
+/// Looks for the greatest step of a piece that begins at the sample `first` of a stretch, in its
+/// residuals and their derivatives by its state, both in units of the noise.
+pub fn greatest_step(
+    residuals: &DVector<f64>,
+    by_state: &DMatrix<f64>,
+    seen: &Seen<'_>,
+    stretch: usize,
     first: usize,
-    count: &[Option<f64>],
 ) -> Option<Step> {
-    let (residuals, basis) = left(problem, piece, state, parameters)?;
-    let sensors = problem.sensors.len();
+    let sensors = seen.sigma.len();
+    let (residuals, basis) = beside(residuals, by_state, sensors)?;
     let samples = residuals.len() / sensors;
     let cost = residuals.norm_squared();
     let mut best: Option<Slip> = None;
-    for (k, size) in count.iter().enumerate() {
-        let Some(size) = size.map(|q| q / problem.sigma[k]) else { continue };
-        let limit = LIMIT * dwell(piece, k, sensors, size * problem.sigma[k]);
+    for (k, size) in seen.count.iter().enumerate() {
+        let Some(count) = *size else { continue };
+        let size = count / seen.sigma[k];
+        let limit = LIMIT * dwell(seen.readings, k, sensors, count);
         let (mut sum, mut of_basis) = (0.0, DVector::zeros(basis.ncols()));
         for j in (1..samples).rev() {
             let row = j * sensors + k;
@@ -174,7 +192,7 @@ fn in_piece<D: Dynamics + ?Sized>(
             let step = counts * size;
             let gain = 2.0 * step * sum - step * step * free;
             if gain > limit && best.is_none_or(|b| gain > b.gain) {
-                best = Some(Slip { sensor: k, stretch: piece.stretch, sample: first + j, counts, gain });
+                best = Some(Slip { sensor: k, stretch, sample: first + j, counts, gain });
             }
         }
     }
@@ -185,23 +203,17 @@ fn in_piece<D: Dynamics + ?Sized>(
 
 /// Samples for which a sensor stands on one count in a piece, in the mean: 1 where each shows
 /// another, without end where it rests. What rounding leaves is of one sign for as long.
-fn dwell(piece: &Piece, sensor: usize, sensors: usize, count: f64) -> f64 {
-    let of = || piece.measured.iter().skip(sensor).step_by(sensors);
+fn dwell(readings: &[f64], sensor: usize, sensors: usize, count: f64) -> f64 {
+    let of = || readings.iter().skip(sensor).step_by(sensors);
     let changes = of().zip(of().skip(1)).filter(|(a, b)| (*a - *b).abs() > 0.5 * count).count();
     of().count() as f64 / changes as f64
 }
 
 /// Residuals without what the piece's state and a constant offset of each sensor take of them, and
 /// an orthonormal basis of that: behind a slip every piece has an offset, which is no step.
-fn left<D: Dynamics + ?Sized>(
-    problem: &Problem<'_, D>,
-    piece: &Piece,
-    state: &[f64],
-    parameters: &[f64],
-) -> Option<(DVector<f64>, DMatrix<f64>)> {
-    let (residuals, by_state) = problem.linear(piece, state, parameters)?;
-    let (states, sensors) = (by_state.ncols(), problem.sensors.len());
-    let mut derivatives = by_state.resize_horizontally(states + sensors, 0.0);
+fn beside(residuals: &DVector<f64>, by_state: &DMatrix<f64>, sensors: usize) -> Option<(DVector<f64>, DMatrix<f64>)> {
+    let states = by_state.ncols();
+    let mut derivatives = by_state.clone().resize_horizontally(states + sensors, 0.0);
     for row in 0..residuals.len() {
         derivatives[(row, states + row % sensors)] = 1.0;
     }
@@ -213,7 +225,7 @@ fn left<D: Dynamics + ?Sized>(
         }
     }
     let basis = derivatives.qr().q();
-    let taken = &basis * (basis.transpose() * &residuals);
+    let taken = &basis * (basis.transpose() * residuals);
     let left = residuals - taken;
     left.iter().all(|x| x.is_finite()).then_some((left, basis))
 }

@@ -35,7 +35,6 @@
 //! | `relaxation` | how far inertias go from round to round |
 //! | `tell`, `units` | values, units, the model |
 //! | `tones` | frequencies of what runs in the laboratory's time |
-//! | `fast_tones` | those above the low-pass |
 //! | `unknown` | the shape of what has no name |
 
 pub mod attractor;
@@ -48,7 +47,6 @@ pub mod design;
 mod evidence;
 mod exchange;
 pub mod expected;
-mod fast_tones;
 mod followed_on;
 mod forecast;
 mod frames;

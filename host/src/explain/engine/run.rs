@@ -195,8 +195,17 @@ impl<'a> Run<'a> {
             self.told.before = self.longer(&outcome.fit.train);
             self.attractor(&outcome.fit.train);
             simulation::measure(&self.setting, &self.told.state, outcome, added, &mut self.told.result.simulation);
+            let shown = self.shows_slips(outcome);
+            let before = self.told.result.slips_show;
+            self.told.result.slips_show = shown.map(|s| s || before == Some(true));
         }
         Ok(())
+    }
+
+    /// Whether slips of counts show; none where the model follows no windows.
+    fn shows_slips(&self, outcome: &Outcome) -> Option<bool> {
+        let ground = outcome.evidence.is_shooting().then(|| shooting::Ground::new(&self.setting, &self.told.state))?;
+        ground?.shows_slips(&self.setting.sensors.count)
     }
 
     /// Tells the last step as it is in other windows than before.

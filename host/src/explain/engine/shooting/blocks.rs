@@ -171,21 +171,6 @@ impl Blocks {
         Some((sum / count.max(1.0)).exp())
     }
 
-    /// For every window over its longest horizon, in its weight: the products of two columns with
-    /// what coefficients of the first columns leave, and the sum of the two columns' squares.
-    pub fn scores(&self, fitted: &DVector<f64>, pair: [usize; 2]) -> Vec<[f64; 3]> {
-        let own = fitted.len();
-        let columns: Vec<usize> = (0..own).chain(pair).collect();
-        let step = fitted - DVector::from_vec(self.origin_of(&columns[..own]));
-        let of = |(window, weights): (&Vec<Part>, &Vec<f64>)| {
-            let (Some(part), Some(w)) = (window.first(), weights.first()) else { return [0.0; 3] };
-            let gram = part.gram.chosen(&columns);
-            let left = |j: usize| gram[(j, own + 2)] - (0..own).map(|i| gram[(j, i)] * step[i]).sum::<f64>();
-            [w * left(own), w * left(own + 1), w * (gram[(own, own)] + gram[(own + 1, own + 1)])]
-        };
-        self.windows.iter().zip(&self.weights).map(of).collect()
-    }
-
     /// Coefficients from some windows, increments left at nothing; none where they are few.
     pub fn of_some(&self, columns: &[usize], keep: impl Fn(&Range) -> bool) -> Option<DVector<f64>> {
         let p = columns.len();

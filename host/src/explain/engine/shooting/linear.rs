@@ -213,18 +213,9 @@ impl Linear {
         let count = states.len() / m;
         let along = Along { alpha, columns, measured, samples: samples.clone(), last: count - 1 };
         let mut sums = Sums::zeros(layout, d);
-        // The first state and the own columns, with the target: what the model shows less than was
-        // measured, and what defects add up to.
         let own = Strip { lead: d, columns: 0..layout.own, trail: 1 };
         let rows = samples.len() * sensors;
-        let mut head = DMatrix::zeros(own.width(), rows);
-        let ends = self.carried(&own, &along, |row, some| head.columns_mut(row, some.ncols()).copy_from(some));
-        for (row, mut of) in head.column_iter_mut().enumerate() {
-            let (k, s) = (samples.start + row / sensors, row % sensors);
-            let predicted: f64 = measured.shown[s].iter().zip(&states[m * k..]).map(|(w, q)| w * q).sum();
-            let target = &mut of[own.width() - 1];
-            *target = (measured.values[k * sensors + s] - predicted) / measured.sigma[s] - *target;
-        }
+        let (head, ends) = self.head(states, &own, &along);
         sums.push_head(&head);
         let mut z = vec![0.0; d * (d + columns + 1)];
         own.place(&ends, &mut z, d + columns + 1);
@@ -237,6 +228,23 @@ impl Linear {
             strip.place(&ends, &mut z, d + layout.columns + 1);
         }
         (Normal { sums, rows, pinned: d - m }, z)
+    }
+
+    /// Rows of a strip that begins with the first state and ends with the target: what the model
+    /// shows less than was measured, and what defects add up to. Also what they make of the state at
+    /// the end.
+    pub(super) fn head(&self, states: &[f64], own: &Strip, along: &Along<'_>) -> (DMatrix<f64>, Vec<f64>) {
+        let Along { measured, samples, .. } = along;
+        let (m, sensors) = (2 * measured.shown.first().map_or(0, Vec::len), measured.shown.len());
+        let mut head = DMatrix::zeros(own.width(), samples.len() * sensors);
+        let ends = self.carried(own, along, |row, some| head.columns_mut(row, some.ncols()).copy_from(some));
+        for (row, mut of) in head.column_iter_mut().enumerate() {
+            let (k, s) = (samples.start + row / sensors, row % sensors);
+            let predicted: f64 = measured.shown[s].iter().zip(&states[m * k..]).map(|(w, q)| w * q).sum();
+            let target = &mut of[own.width() - 1];
+            *target = (measured.values[k * sensors + s] - predicted) / measured.sigma[s] - *target;
+        }
+        (head, ends)
     }
 
     /// The path moved by an initial step and a step of the columns; also the greatest rms movement

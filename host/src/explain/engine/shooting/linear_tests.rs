@@ -31,6 +31,19 @@ fn solution(motion: &EquationsOfMotion, p: &[f64], start: [f64; 2]) -> Vec<f64> 
     out
 }
 
+fn record(seen: &[f64]) -> Stretch {
+    Stretch {
+        start_s: 0.0,
+        step_s: STEP_S,
+        coordinates: vec![seen.iter().step_by(2).copied().collect()],
+        inputs: Vec::new(),
+        phase: Phase::Clock(0.0),
+        amplitude_nm: None,
+        history: None,
+        base: None,
+    }
+}
+
 /// A record of slightly other coefficients from a slightly other state: one linearised step
 /// about the model's own motion finds both, to second order in how far they are off; and about
 /// a path that is no solution of the model at all, once it has been moved.
@@ -41,16 +54,7 @@ fn one_step_finds_what_the_record_was_made_with() {
     let (p, off) = ([0.1, 0.05, 4.0, 2.0], [1e-5, 2e-5, -3e-5, 4e-5]);
     let truth: Vec<f64> = p.iter().zip(off).map(|(a, b)| a + b).collect();
     let seen = solution(&motion, &truth, [1.0 + 1e-5, -0.2]);
-    let stretch = Stretch {
-        start_s: 0.0,
-        step_s: STEP_S,
-        coordinates: vec![seen.iter().step_by(2).copied().collect()],
-        inputs: Vec::new(),
-        phase: Phase::Clock(0.0),
-        amplitude_nm: None,
-        history: None,
-        base: None,
-    };
+    let stretch = record(&seen);
     let between = track::ExogenousInputs::new(&stretch, 0.0);
     let terms: Additions = model.equations[0].terms.iter().enumerate().map(|(k, t)| (k, 0, t.of.clone())).collect();
     let forcing = Forcing::new(&model, 1.0, &p, &[], 4, &terms);
@@ -81,6 +85,44 @@ fn one_step_finds_what_the_record_was_made_with() {
             // Columns are integrated by the trapezoidal rule, and reversals fall between
             // samples.
             assert!((found[k] - truth[k]).abs() < 0.03 * off[k].abs(), "{passes} {k}: {found:?} {truth:?}");
+        }
+    }
+}
+
+/// What is left, held against a column instant for instant, adds up to the column's product with it
+/// in the normal equations without the initial state: with one point to a sample and with several.
+#[test]
+fn the_adjoint_gives_the_products_with_what_is_left() {
+    let model = ModelFile::parse(TEXT, Path::new("m.toml")).unwrap();
+    let motion = EquationsOfMotion::new(&model, 1.0).unwrap();
+    let p = [0.1, 0.0, 4.0, 2.0];
+    let own = solution(&motion, &p, [1.0, -0.2]);
+    // What no state explains.
+    let seen: Vec<f64> = own.iter().enumerate().map(|(i, x)| x + 1e-3 * (0.37 * i as f64).sin()).collect();
+    let stretch = record(&seen);
+    let between = track::ExogenousInputs::new(&stretch, 0.0);
+    let terms: Additions = model.equations[0].terms.iter().enumerate().map(|(k, t)| (k, 0, t.of.clone())).collect();
+    let forcing = Forcing::new(&model, 1.0, &p, &[], 4, &terms);
+    let measured =
+        Measured { values: stretch.coordinates[0].clone(), shown: &[vec![0.7]], sigma: &[1e-3], laws: Vec::new() };
+    for points in [1, 3] {
+        let exogenous = WindowInputs { stretch: &stretch, between: &between, first: 0, omega: 0.0, points };
+        let field = VectorField { motion: &motion, parameters: &p };
+        let linear = Linear::new(&own, &exogenous, field, &[]).unwrap();
+        let driven = forcing.on(&linear.points, &linear.accelerations, &exogenous);
+        let (alpha, layout) = (driven.all().unwrap(), Layout::new(0, &[1, 1, 1, 1]));
+        let mut registers = Registers::default();
+        let mut fit = |states: &[f64]| {
+            let between = |points, to: &mut Vec<f64>| driven.between(points, &mut registers, to);
+            linear.normal(states, between, &layout, &measured, COUNT).unwrap().0
+        };
+        let start = fit(&own).start(&DVector::zeros(0)).unwrap();
+        let (settled, _) = linear.moved(&own, &alpha, &start, &DVector::zeros(4), &measured);
+        let products = linear.products(&settled, &alpha, 1, 4, &measured);
+        let gram = fit(&own).reduced().unwrap();
+        for (column, found) in (1..4).zip(&products) {
+            let (wanted, found) = (gram.chosen(&[column])[(0, 1)], found.iter().sum::<f64>());
+            assert!((found - wanted).abs() < 1e-7 * wanted.abs(), "{points} {column}: {found} {wanted}");
         }
     }
 }

@@ -30,7 +30,7 @@
 //! | [`linear`] | a window's normal equations |
 //! | [`strips`](mod@strips) | columns carried along a window together |
 //! | [`gram`] | sums of products of the columns that are fitted together |
-//! | [`left_over`] | what is left of every sample, and how far forces move it at once |
+//! | [`adjoint`] | how what is left of a window pulls on the force at every instant |
 //! | [`blocks`] | least squares over windows |
 //! | [`coloured`](mod@coloured) | the sensors' noise where the record was smoothed |
 //! | [`quieter`](mod@quieter) | the sensors' noise where it was taken for too much |
@@ -39,18 +39,19 @@
 //! | [`signs`] | coefficients that keep their sign |
 //! | [`window_inputs`] | time, phase, inputs along a window |
 
+pub mod adjoint;
 pub mod blocks;
 mod by_inertia;
 mod coloured;
 mod course;
 mod forcing;
 mod gram;
-pub mod left_over;
 mod linear;
 mod path;
 mod quieter;
 mod remade;
 pub mod signs;
+mod slipped;
 mod stage;
 mod strips;
 mod window_inputs;
