@@ -36,7 +36,7 @@ pub struct Arguments {
     /// Most starts of predictions.
     #[arg(long, value_name = "N", default_value_t = 60)]
     starts: usize,
-    /// Seed of the permutation test.
+    /// Seed of the noise in the model's own records.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Bifurcation diagram over a factor on a parameter (drive: on all of the base's motion), such

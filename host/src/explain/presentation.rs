@@ -49,7 +49,7 @@ fn rests_on(e: &Explanation) -> String {
         if before.section_distance.is_some() {
             let _ = writeln!(
                 out,
-                "distance between the Poincaré sections of model and record: {} (energy distance; as much by chance with probability {}: below 0.05 they differ)",
+                "distance of the record's Poincaré section from those of the model's own records: {} (energy distance; one of them is as far from the others with probability {}: below 0.05 the record is none of them)",
                 both(&|a| a.section_distance),
                 both(&|a| a.section_p_value)
             );

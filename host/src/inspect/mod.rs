@@ -23,6 +23,7 @@ use crate::reduce::systems::SYSTEMS;
 use crate::rig::Rig;
 use crate::suspects::slipped;
 use crate::warning::Warning;
+use crate::wording::format::shortest;
 use coordinate::Coordinate;
 use drive_check::DriveCheck;
 use periodicity::{Kind, Periodicity};
@@ -34,8 +35,8 @@ use summary::RecordSummary;
 pub struct InspectSettings {
     /// Window that one unbroken stretch must hold, drive periods (driven systems). Default 20.
     pub window_periods: f64,
-    /// The same for free systems, s. Default 4.
-    pub window_free_s: f64,
+    /// The same for free systems, samples. Default 64.
+    pub window_free: f64,
     /// Tolerance of the search for a period, fraction of the span. Default 0.02.
     pub period_tolerance: f64,
     /// Length of the beginning that plots show sample by sample, drive periods. Default 20.
@@ -50,7 +51,7 @@ impl Default for InspectSettings {
     fn default() -> Self {
         Self {
             window_periods: 20.0,
-            window_free_s: 4.0,
+            window_free: 64.0,
             period_tolerance: 0.02,
             start_periods: 20.0,
             start_free_s: 8.0,
@@ -68,7 +69,7 @@ impl InspectSettings {
         self.phase_space.validate()?;
         for (name, value, least, most) in [
             ("window_periods", self.window_periods, 1.0, 1e6),
-            ("window_free_s", self.window_free_s, 1e-6, 1e6),
+            ("window_free", self.window_free, 16.0, 1e9),
             ("period_tolerance", self.period_tolerance, 1e-6, 0.5),
             ("start_periods", self.start_periods, 1.0, 1e6),
             ("start_free_s", self.start_free_s, 1e-6, 1e6),
@@ -100,12 +101,45 @@ pub struct Inspection {
     pub plots: Vec<Plots>,
 }
 
-/// Inspects a record.
+/// Inspects a record, and holds it against the equations of its rig.
 ///
 /// # Errors
-/// A record whose longest unbroken stretch is shorter than one window (20 drive periods, or 4 s
-/// when free), whose columns do not fit its channels, or that holds numbers that are not finite.
+/// As [`motion_of`].
 pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result<Inspection> {
+    let mut out = motion_of(record, rig, settings)?;
+    let kept = boots::of_known_zero(std::slice::from_ref(record)).0;
+    against_equations(&mut out.warnings, &kept[0], rig);
+    Ok(out)
+}
+
+/// Warnings of what the equations of a rig show in its record.
+fn against_equations(warnings: &mut Vec<Warning>, record: &Record, rig: &Rig) {
+    for suspect in crate::identify::suspects::examine(std::slice::from_ref(record), rig) {
+        // What the equations say of the drive or the rate is sharper than a line of a spectrum.
+        warnings.retain(|w| w.id != suspect.id);
+        warnings.push(suspect);
+    }
+    // A mistake of the rig file would be told as quantities that are wrong.
+    if !warnings.iter().any(|w| w.invalidates) {
+        warnings.extend(crate::identify::suspects::known(record, rig));
+    }
+    if !warnings.iter().any(|w| w.invalidates)
+        && let Some(mended) = crate::identify::slips::taken_back(std::slice::from_ref(record), rig)
+    {
+        warnings.retain(|w| w.id != slipped::ID);
+        warnings.extend(mended.into_iter().flat_map(|r| r.warnings).filter(|w| w.id == slipped::ID));
+    }
+    if !warnings.iter().any(|w| w.invalidates) {
+        warnings.extend(crate::identify::stopped::standing(std::slice::from_ref(record), rig));
+    }
+}
+
+/// Describes the motion of a record.
+///
+/// # Errors
+/// A record whose longest unbroken stretch is shorter than 20 drive periods (64 samples when free),
+/// whose columns do not fit its channels, or that holds numbers that are not finite.
+pub fn motion_of(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result<Inspection> {
     settings.validate()?;
     let rate = record.sample_rate_hz;
     check(record)?;
@@ -119,21 +153,23 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
     let drive_hz = rig.drive.map(|d| d.frequency_hz);
     let (longest, longest_len) =
         record.segments.iter().map(|s| s.len()).enumerate().max_by_key(|(i, n)| (*n, usize::MAX - i)).unwrap_or((0, 0));
-    let (window_s, window_name) = match drive_hz {
-        Some(f) => (settings.window_periods / f, format!("{} drive periods of {} s", settings.window_periods, 1.0 / f)),
-        None => (settings.window_free_s, "one window of a free system".to_owned()),
+    let of_drive = |f: f64| {
+        let (periods, window_s) = (settings.window_periods, settings.window_periods / f);
+        let name = format!(" ({window_s:.3} s: {periods} drive periods of {} s)", shortest(1.0 / f));
+        ((window_s * rate).round(), name)
     };
-    let needed = (window_s * rate).round();
+    let (needed, window) = drive_hz.map_or_else(|| (settings.window_free, String::new()), of_drive);
     if (longest_len as f64) < needed {
         let place = if record.segments.len() > 1 { "longest unbroken stretch" } else { "length" };
         return Err(BadInput::new(
             format!(
-                "{longest_len} {} ({:.3} s at {rate} Hz){}",
+                "{longest_len} {} ({:.3} s at {} Hz){}",
                 if longest_len == 1 { "sample" } else { "samples" },
                 longest_len as f64 / rate,
+                shortest(rate),
                 broken_by(record.losses.nan_rows)
             ),
-            format!("at least {needed:.0} samples ({window_s:.3} s: {window_name})"),
+            format!("at least {needed:.0} samples{window}"),
         )
         .in_file(&record.path)
         .at(place)
@@ -179,24 +215,6 @@ pub fn inspect(record: &Record, rig: &Rig, settings: &InspectSettings) -> Result
     let (phase_space, noticed) =
         survey::survey(record, &motions, &coordinates, drive_hz, repeats, &settings.phase_space);
     warnings.extend(noticed);
-    for suspect in crate::identify::suspects::examine(std::slice::from_ref(record), rig) {
-        // What the equations say of the drive or the rate is sharper than a line of a spectrum.
-        warnings.retain(|w| w.id != suspect.id);
-        warnings.push(suspect);
-    }
-    // A mistake of the rig file would be told as quantities that are wrong.
-    if !warnings.iter().any(|w| w.invalidates) {
-        warnings.extend(crate::identify::suspects::known(record, rig));
-    }
-    if !warnings.iter().any(|w| w.invalidates)
-        && let Some(mended) = crate::identify::slips::taken_back(std::slice::from_ref(record), rig)
-    {
-        warnings.retain(|w| w.id != slipped::ID);
-        warnings.extend(mended.into_iter().flat_map(|r| r.warnings).filter(|w| w.id == slipped::ID));
-    }
-    if !warnings.iter().any(|w| w.invalidates) {
-        warnings.extend(crate::identify::stopped::standing(std::slice::from_ref(record), rig));
-    }
     Ok(Inspection { record: summary, coordinates, drive, periodicity, warnings, phase_space, plots })
 }
 
@@ -216,7 +234,7 @@ fn check(record: &Record) -> Result<()> {
     };
     let rate = record.sample_rate_hz;
     if !(rate.is_finite() && rate > 0.0) {
-        return bad("sampling rate".to_owned(), format!("{rate} Hz"), "a rate above 0");
+        return bad("sampling rate".to_owned(), format!("{} Hz", shortest(rate)), "a rate above 0");
     }
     for (s, segment) in record.segments.iter().enumerate() {
         if segment.columns.len() != record.channels.len() {

@@ -123,7 +123,7 @@ impl<'a> Starts<'a> {
         let lengths: Vec<usize> = (0..record.stretches.len()).map(|k| track.samples(k)).collect();
         let room: Vec<usize> = lengths.iter().map(|n| n.saturating_sub(least)).collect();
         let all: usize = room.iter().sum();
-        let every = (all / self.most).max(self.samples(1.0, track)).max(1);
+        let every = all.div_ceil(self.most).max(self.samples(1.0, track)).max(1);
         let mut out = (Vec::new(), Vec::new());
         for (k, room) in room.into_iter().enumerate() {
             for first in (0..room).step_by(every) {

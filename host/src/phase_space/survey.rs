@@ -292,6 +292,22 @@ impl Survey<'_> {
     }
 }
 
+/// The sections of a record alone: see [`survey`].
+pub fn sections(
+    record: &Record,
+    motions: &[Motion],
+    coordinates: &[Coordinate],
+    drive_hz: Option<f64>,
+    settings: &Settings,
+) -> Vec<Section> {
+    let lengths: Vec<usize> = record.segments.iter().map(|s| s.len()).collect();
+    let pieces = pieces(&lengths, settings.most_samples.max(1));
+    let moving = MovingCoordinate::all(motions, coordinates, &pieces);
+    let rate = record.sample_rate_hz;
+    let survey = Survey { moving, observables: Vec::new(), rate, period: drive_hz.map(|f| rate / f), settings };
+    survey.sections(&survey.stretches(record, &pieces, drive_hz))
+}
+
 /// Surveys a record. `motions` and `coordinates` are those of its inspection; `repeats`: the record
 /// repeats or rests.
 pub fn survey(

@@ -1,5 +1,6 @@
 //! The card of a validation: see [`crate::report::card`].
 
+use super::horizon::Horizon;
 use super::{Validation, Verdict};
 use crate::explain::card::equations;
 use crate::model::identified::IdentifiedModel;
@@ -37,12 +38,17 @@ fn sentence(v: &Validation) -> String {
         Verdict::Passed => "The model moves as the measured system does",
         Verdict::Failed => "The model does not move as the measured system does",
     };
+    let h = &v.horizon;
+    let lasts = |of: &Horizon| {
+        let to_the_end = 2 * of.unended > of.seconds.len();
+        format!("{} s (median{})", significant(of.median(), 3), if to_the_end { ", most to its end" } else { "" })
+    };
     format!(
-        "{verdict} ({passed} of {} check{} passed); its predictions stay within {} of the record for {} s (median), where those of its own records do for {} s.",
+        "{verdict} ({passed} of {} check{} passed); its predictions stay within {} of the record for {}, of a record of its own for {}.",
         v.checks.len(),
         if v.checks.len() == 1 { "" } else { "s" },
-        v.horizon.within,
-        significant(v.horizon.measured.median(), 3),
-        significant(v.horizon.simulated.median(), 3)
+        h.within,
+        lasts(&h.measured),
+        lasts(&h.simulated)
     )
 }

@@ -2,6 +2,7 @@
 
 use super::{Check, Pair, Validation, natural_frequencies};
 use crate::statistics::Z95;
+use crate::wording::format::significant;
 
 /// Standard errors by which two invariants may differ.
 const STANDARD_ERRORS: f64 = 3.0;
@@ -14,6 +15,9 @@ const SECTIONS_DIFFER: f64 = 0.01;
 /// Share of the model's own median horizon that the record's must reach, and with fewer starts than
 /// [`MANY_STARTS`], whose medians scatter more.
 const HORIZON_SHARE: [f64; 2] = [0.65, 0.5];
+/// Times that predictions may miss the record by what they miss the model's own (by hand: a gap of
+/// 1.3 is what explanations take for noise).
+const ERROR_RATIO: f64 = 2.0;
 /// Starts from which medians are known to about a tenth.
 const MANY_STARTS: usize = 30;
 
@@ -37,6 +41,22 @@ pub(super) fn checks(v: &Validation) -> Vec<Check> {
                 } else {
                     format!(", of which at least {:.0} % is asked for", 100.0 * share)
                 }
+            ),
+        );
+    }
+    // Where a record of the model's own is followed to its end nothing but the noise is in the way.
+    let whole = 2 * v.horizon.simulated.unended >= v.horizon.simulated.seconds.len();
+    let [measured, simulated] = [&v.horizon.measured, &v.horizon.simulated].map(|h| h.error[usize::from(whole)]);
+    if measured.is_finite() && simulated.is_finite() {
+        let over =
+            if whole { "to their end".to_owned() } else { format!("over {} s", significant(2.0 * v.horizon.fit_s, 3)) };
+        check(
+            "prediction-error",
+            measured <= ERROR_RATIO * simulated.max(1.0),
+            format!(
+                "predictions miss the record {over} by {} times its sensors' noise, the model's own by {}; up to {ERROR_RATIO} times that is taken",
+                significant(measured, 3),
+                significant(simulated, 3)
             ),
         );
     }

@@ -15,8 +15,8 @@ use crate::motion::starts::{FIT_PERIODS, LONGEST_PERIODS, Pace, RecordTrack, Sta
 use crate::phase_space::model_exponent;
 use crate::phase_space::orbit_refinement::{RefinedOrbit, refine};
 use crate::phase_space::survey::PhaseSpace;
-use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
+use crate::rig::{Drive, Rig};
 use crate::wording::format::{quantity, shortest};
 use crate::wording::symbols::symbol_plain;
 
@@ -71,6 +71,11 @@ impl<'a> Comparisons<'a> {
         let tolerance = record.track.sensors.iter().zip(&shows_angle).map(allowed).collect();
         let starts = Starts::new(&*equations.dynamics, &equations.parameters, record, pace, settings.starts);
         Self { starts, equations, circle, settings, of, shows_angle, tolerance }
+    }
+
+    /// The drive, where there is one.
+    pub fn drive(&self) -> Option<Drive> {
+        self.of.0.drive
     }
 
     /// Where the model follows the longest stretch.

@@ -1,122 +1,81 @@
-//! Whether two clouds of points come from one distribution: the energy distance (Székely and
-//! Rizzo 2004) and its permutation test.
+//! Whether a cloud of points is like others that come from one distribution: the energy distance
+//! (Székely and Rizzo 2004).
 //!
 //! E = 2 ⟨|x − y|⟩ − ⟨|x − x′|⟩ − ⟨|y − y′|⟩ over all pairs: zero for one distribution, positive
-//! otherwise. Points of a chaotic series resemble those just before them, so the test exchanges
-//! whole blocks of consecutive points between the two clouds, seeded: p is the share of exchanges
-//! (with what was found among them) that give at least as large an E.
+//! otherwise. Points of a chaotic series resemble those before them, for as long as the motion
+//! dwells near an orbit: how far two series of one system are from each other is told by other
+//! series of it alone, as long as they are, which its model makes. With s the mean distance of each
+//! of K such series from the rest and s₀ that of the one in question, (ln s₀ − m)/(d √(1 + 1/K)) is
+//! Student's t of K − 1 degrees of freedom, m and d the mean and the scatter of ln s.
 
-use rand::SeedableRng;
-use rand::seq::SliceRandom;
-use rand_chacha::ChaCha8Rng;
+use nalgebra::DMatrix;
+use rayon::prelude::*;
 use serde::Serialize;
+use statrs::distribution::{ContinuousCDF, StudentsT};
 
-/// Most points of each cloud.
-pub const MOST_POINTS: usize = 1500;
-/// Exchanges.
-const PERMUTATIONS: usize = 999;
-/// Autocorrelation below which points count as unrelated.
-const UNRELATED: f64 = 0.1;
+/// Records of a model beside which one stands.
+pub const RECORDS: usize = 12;
+/// Most periods of the drive of each.
+pub const MOST_PERIODS: f64 = 300.0;
+/// Fewest points of a series.
+const FEWEST_POINTS: usize = 10;
 
-/// The distance of two clouds and how likely it is by chance.
+/// Where a series stands among others of one distribution.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct EnergyTest {
-    /// Energy distance, in units of the features.
+pub struct Among {
+    /// Its mean energy distance from the others, in units of the features.
     pub distance: f64,
-    /// Probability of at least this distance where both clouds come from one distribution.
+    /// Probability that one of the others is as far from the rest.
     pub p_value: f64,
-    /// Points in each block that is exchanged as a whole.
-    pub block: usize,
-    /// Points of the two clouds.
-    pub points: [usize; 2],
-    /// Exchanges tried.
-    pub permutations: usize,
+    /// Points of each series.
+    pub points: usize,
+    /// How many others there are.
+    pub records: usize,
 }
 
-/// Compares two series of points (features of equal scale). None where either has fewer than four
-/// blocks.
-pub fn energy_test(x: &[Vec<f64>], y: &[Vec<f64>], seed: u64) -> Option<EnergyTest> {
-    let (x, y) = (&x[..x.len().min(MOST_POINTS)], &y[..y.len().min(MOST_POINTS)]);
-    let block = (2 * decorrelation(x).max(decorrelation(y))).max(2);
-    let blocks: Vec<&[Vec<f64>]> = x.chunks_exact(block).chain(y.chunks_exact(block)).collect();
-    let first = x.len() / block;
-    let second = blocks.len() - first;
-    if first < 4 || second < 4 {
+/// Compares a series of points (features of equal scale) with others, of which as many points count
+/// as the shortest has. None with fewer than three others or ten points.
+pub fn among(of: &[Vec<f64>], others: &[Vec<Vec<f64>>]) -> Option<Among> {
+    let shortest = others.iter().map(Vec::len).min()?.min(of.len());
+    if others.len() < 3 || shortest < FEWEST_POINTS {
         return None;
     }
-    let n = blocks.len();
-    // Sums of distances between blocks: exchanges need no more.
-    let mut between = vec![0.0; n * n];
-    for a in 0..n {
-        for b in a..n {
-            let sum: f64 = blocks[a].iter().flat_map(|p| blocks[b].iter().map(move |q| distance(p, q))).sum();
-            between[a * n + b] = sum;
-            between[b * n + a] = sum;
-        }
-    }
-    let energy = |of_first: &[bool]| {
-        let (mut inner, mut outer, mut cross) = (0.0, 0.0, 0.0);
-        for a in 0..n {
-            for b in 0..n {
-                let d = between[a * n + b];
-                match (of_first[a], of_first[b]) {
-                    (true, true) => inner += d,
-                    (false, false) => outer += d,
-                    (true, false) => cross += d,
-                    (false, true) => {}
-                }
-            }
-        }
-        let (n, m) = ((first * block) as f64, (second * block) as f64);
-        2.0 * cross / (n * m) - inner / (n * n) - outer / (m * m)
+    let all: Vec<&[Vec<f64>]> =
+        core::iter::once(of).chain(others.iter().map(Vec::as_slice)).map(|c| &c[..shortest]).collect();
+    let n = all.len();
+    let pairs: Vec<(usize, usize)> = (0..n).flat_map(|a| (a..n).map(move |b| (a, b))).collect();
+    let mean = |&(a, b): &(usize, usize)| {
+        let sum: f64 = all[a].iter().flat_map(|p| all[b].iter().map(move |q| distance(p, q))).sum();
+        sum / (shortest * shortest) as f64
     };
-    let mut labels: Vec<bool> = (0..n).map(|i| i < first).collect();
-    let found = energy(&labels);
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut larger = 0;
-    for _ in 0..PERMUTATIONS {
-        labels.shuffle(&mut rng);
-        larger += usize::from(energy(&labels) >= found * (1.0 - 1e-12));
+    let found: Vec<f64> = pairs.par_iter().map(mean).collect();
+    let mut between = DMatrix::zeros(n, n);
+    for (&(a, b), d) in pairs.iter().zip(&found) {
+        (between[(a, b)], between[(b, a)]) = (*d, *d);
     }
-    Some(EnergyTest {
-        distance: found,
-        p_value: (1 + larger) as f64 / (1 + PERMUTATIONS) as f64,
-        block,
-        points: [first * block, second * block],
-        permutations: PERMUTATIONS,
-    })
+    let from_others = |a: usize| {
+        let of = |b: usize| 2.0 * between[(a, b)] - between[(a, a)] - between[(b, b)];
+        (1..n).filter(|b| *b != a).map(of).sum::<f64>() / (1..n).filter(|b| *b != a).count() as f64
+    };
+    let (own, logs) = (from_others(0), (1..n).map(|a| from_others(a).max(f64::MIN_POSITIVE).ln()).collect::<Vec<_>>());
+    let k = logs.len() as f64;
+    let m = logs.iter().sum::<f64>() / k;
+    let scatter = (logs.iter().map(|l| (l - m).powi(2)).sum::<f64>() / (k - 1.0)).sqrt();
+    let t = (own.max(f64::MIN_POSITIVE).ln() - m) / (scatter * (1.0 + 1.0 / k).sqrt());
+    let student = StudentsT::new(0.0, 1.0, k - 1.0).ok()?;
+    t.is_finite().then(|| Among { distance: own, p_value: student.sf(t), points: shortest, records: others.len() })
 }
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt()
 }
 
-/// The largest lag, over the features, at which the autocorrelation first falls below [`UNRELATED`]
-/// (or two standard errors of no correlation at all, where that is more); at most a sixteenth of
-/// the series, so that at least eight blocks are left, whose exchanges are still thousands: a
-/// chaotic motion may dwell near an orbit for long.
-fn decorrelation(x: &[Vec<f64>]) -> usize {
-    let most = (x.len() / 16).max(1);
-    let unrelated = UNRELATED.max(2.0 / (x.len().max(1) as f64).sqrt());
-    let features = x.first().map_or(0, Vec::len);
-    (0..features)
-        .map(|f| {
-            let mean = x.iter().map(|p| p[f]).sum::<f64>() / x.len() as f64;
-            let power: f64 = x.iter().map(|p| (p[f] - mean).powi(2)).sum();
-            let related = |lag: usize| {
-                let sum: f64 = x.iter().zip(&x[lag.min(x.len())..]).map(|(a, b)| (a[f] - mean) * (b[f] - mean)).sum();
-                power > 0.0 && sum / power > unrelated
-            };
-            (1..most).find(|l| !related(*l)).unwrap_or(most)
-        })
-        .max()
-        .unwrap_or(1)
-}
-
 #[cfg(test)]
 mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
     use super::*;
-    use rand::RngExt;
 
     /// A series whose points resemble their forerunners (correlation 0.8 a step), of a given mean.
     fn series(seed: u64, n: usize, mean: f64) -> Vec<Vec<f64>> {
@@ -130,27 +89,27 @@ mod tests {
             .collect()
     }
 
+    /// Of series that resemble their forerunners for long, one of the same kind has any probability,
+    /// one of another a small one.
     #[test]
-    fn correlated_series_of_one_distribution_are_rarely_told_apart_and_others_always() {
-        let mut rejected = 0;
-        for seed in 0..60 {
-            let t = energy_test(&series(seed, 800, 0.0), &series(1000 + seed, 800, 0.0), 7).unwrap();
-            assert!(t.block >= 4, "{t:?}");
-            rejected += usize::from(t.p_value < 0.05);
-        }
-        // 3 expected; points taken as independent would give about 20.
-        assert!(rejected <= 9, "{rejected}");
-        let t = energy_test(&series(1, 800, 0.0), &series(2, 800, 1.5), 7).unwrap();
-        assert!(t.p_value < 0.01, "{t:?}");
+    fn a_series_among_its_like_has_any_probability_and_another_a_small_one() {
+        let others = |seed: u64| (1..=12).map(|k| series(seed + 100 * k, 300, 0.0)).collect::<Vec<_>>();
+        let p = |seed: u64| among(&series(seed, 300, 0.0), &others(seed)).unwrap().p_value;
+        let all: Vec<f64> = (0..60).map(p).collect();
+        let below = |limit: f64| all.iter().filter(|p| **p < limit).count();
+        assert!(below(0.05) <= 8 && (15..=45).contains(&below(0.5)), "{} {}", below(0.05), below(0.5));
+        let found = among(&series(1, 300, 1.5), &others(7)).unwrap();
+        assert!(found.distance > 0.2 && found.p_value < 0.01, "{found:?}");
+        assert!(among(&series(1, 9, 0.0), &others(7)).is_none());
+        assert!(among(&series(1, 300, 0.0), &others(7)[..2]).is_none());
     }
 
     #[test]
     fn the_distance_of_two_points_is_known() {
-        // Two clouds, each one repeated point, 3 apart: E = 2·3.
+        // Clouds of one repeated point each: at 3 from others at 0, 1 and 2, on the average 2·2; of
+        // these the mean distances from the rest are 3, 2 and 3.
         let at = |x: f64| vec![vec![x]; 40];
-        let t = energy_test(&at(0.0), &at(3.0), 1).unwrap();
-        assert!((t.distance - 6.0).abs() < 1e-12);
-        assert!(energy_test(&at(0.0)[..3], &at(1.0), 1).is_none());
-        assert!(energy_test(&[], &[], 1).is_none());
+        let found = among(&at(3.0), &[at(0.0), at(1.0), at(2.0)]).unwrap();
+        assert!((found.distance - 4.0).abs() < 1e-12 && (found.points, found.records) == (40, 3), "{found:?}");
     }
 }

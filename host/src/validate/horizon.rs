@@ -28,6 +28,9 @@ pub struct Horizon {
     pub unfitted: usize,
     /// 10, 25, 50, 75 and 90 % quantiles, s.
     pub quantiles_s: [f64; 5],
+    /// By how much predictions miss over the fit and as long behind it, and to their end, in units of
+    /// the sensors' noise: rms, the median of the starts.
+    pub error: [f64; 2],
 }
 
 impl Horizon {
@@ -49,6 +52,9 @@ pub fn quantile(sorted: &[f64], share: f64) -> f64 {
     }
 }
 
+/// What came of a start: its time, its horizon, whether that has not ended, and the errors.
+type Followed = (f64, f64, bool, [f64; 2]);
+
 /// Horizons from pieces that begin with the stretch of the fit and go on as long as predictions are
 /// looked at. `guesses`: each piece's rough initial state; `levels`: samples of the fit, shortest
 /// first; `tolerance`: of each sensor, in its unit; `bar` is told of each piece.
@@ -63,7 +69,7 @@ pub fn horizon<D: Dynamics + ?Sized>(
 ) -> Horizon {
     let sensors = problem.sensors.len().max(1);
     let fit = levels.iter().copied().max().unwrap_or(2);
-    let found: Vec<Option<(f64, f64, bool)>> = pieces
+    let found: Vec<Option<Followed>> = pieces
         .par_iter()
         .zip(guesses)
         .map_init(
@@ -76,6 +82,8 @@ pub fn horizon<D: Dynamics + ?Sized>(
                 // come.
                 let residuals = problem.residuals_until(piece, &state, parameters);
                 let samples = residuals.len() / sensors;
+                let rms = |of: &[f64]| (of.iter().map(|r| r * r).sum::<f64>() / of.len().max(1) as f64).sqrt();
+                let error = [2 * fit * sensors, residuals.len()].map(|n| rms(&residuals[..residuals.len().min(n)]));
                 let off = |i: &usize| {
                     (0..sensors).any(|k| (residuals[i * sensors + k] * problem.sigma[k]).abs() > tolerance[k])
                 };
@@ -84,21 +92,26 @@ pub fn horizon<D: Dynamics + ?Sized>(
                 let last = end.unwrap_or(samples);
                 let seconds = last.saturating_sub(fit) as f64 * problem.spacing_s;
                 let start = piece.start_s + fit as f64 * problem.spacing_s;
-                Some((start, seconds, end.is_none() && samples == whole))
+                Some((start, seconds, end.is_none() && samples == whole, error))
             },
         )
         .collect();
     let unfitted = found.iter().filter(|f| f.is_none()).count();
-    let found: Vec<(f64, f64, bool)> = found.into_iter().flatten().collect();
+    let found: Vec<Followed> = found.into_iter().flatten().collect();
     let seconds: Vec<f64> = found.iter().map(|f| f.1).collect();
-    let mut sorted = seconds.clone();
-    sorted.sort_by(f64::total_cmp);
+    let sorted = |mut of: Vec<f64>| {
+        of.sort_by(f64::total_cmp);
+        of
+    };
+    let error = [0, 1].map(|k| quantile(&sorted(found.iter().map(|f| f.3[k]).collect()), 0.5));
+    let sorted = sorted(seconds.clone());
     Horizon {
         start_s: found.iter().map(|f| f.0).collect(),
         unended: found.iter().filter(|f| f.2).count(),
         unfitted,
         // Where no start could be followed, nothing lasts.
         quantiles_s: [0.1, 0.25, 0.5, 0.75, 0.9].map(|q| if sorted.is_empty() { 0.0 } else { quantile(&sorted, q) }),
+        error,
         seconds,
     }
 }
@@ -157,5 +170,6 @@ mod tests {
         assert_eq!((good.seconds.len(), good.unfitted), (1, 0));
         assert!((good.start_s[0] - 3.4).abs() < 1e-12);
         assert!(good.median() > poor.median() + 0.5 && poor.median() > 0.2, "{good:?} {poor:?}");
+        assert!(good.error[0] < 0.3 && poor.error[0] > 2.0 * good.error[0], "{good:?} {poor:?}");
     }
 }

@@ -33,7 +33,7 @@ pub fn human(v: &Validation) -> String {
     for s in &v.sections {
         if let Some(t) = &s.test {
             line(format!(
-                "  section at τ = {}: energy distance {}, p = {}",
+                "  section at τ = {}: mean energy distance {} from those of the model's own records, one of which is as far from the others with probability {}",
                 fixed(s.tau, 3),
                 significant(t.distance, 2),
                 significant(t.p_value, 2)

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use core::f64::consts::PI;
 
-use super::energy_distance::{EnergyTest, energy_test};
+use super::energy_distance::{Among, among};
 use super::result::Labelled;
 use crate::inspect::coordinate::Coordinate;
 use crate::inspect::motion::Space;
@@ -25,16 +25,18 @@ pub struct SectionComparison {
     pub measured: Section,
     /// Of the model's own record.
     pub simulated: Section,
-    /// Energy distance and its permutation test; none with too few points.
-    pub test: Option<EnergyTest>,
+    /// Where the measured one stands among those of the model's own records; none with too few
+    /// points.
+    pub test: Option<Among>,
 }
 
-/// All sections; none where either record has none or repeats. `known`: the record's coordinates.
+/// All sections; none where either record has none or repeats. `others` are those of further records
+/// of the model, `known` the record's coordinates.
 pub fn compare(
     measured: &PhaseSpace,
     simulated: &PhaseSpace,
+    others: &[Vec<Section>],
     known: &[Coordinate],
-    seed: u64,
 ) -> Vec<SectionComparison> {
     let names: Vec<String> = measured.coordinates.iter().map(|c| c.name.clone()).collect();
     let of: Vec<Labelled> = names.iter().map(|n| label(n, known)).collect();
@@ -48,15 +50,17 @@ pub fn compare(
         .sections
         .iter()
         .zip(&simulated.sections)
-        .map(|(a, b)| {
-            let (x, y) = features(a, b, &is_angle);
+        .enumerate()
+        .map(|(k, (a, b))| {
+            let all: Vec<&Section> = [a, b].into_iter().chain(others.iter().filter_map(|o| o.get(k))).collect();
+            let clouds = features(&all, &is_angle);
             SectionComparison {
                 tau: a.tau,
                 names: names.clone(),
                 of: of.clone(),
                 measured: a.clone(),
                 simulated: b.clone(),
-                test: energy_test(&x, &y, seed),
+                test: among(&clouds[0], &clouds[1..]),
             }
         })
         .collect()
@@ -72,15 +76,15 @@ fn label(name: &str, known: &[Coordinate]) -> Labelled {
     }
 }
 
-/// Points as features of equal weight, whatever their units: cosine and sine of each angle, and
-/// each length and velocity over its scatter in both sections together.
-fn features(a: &Section, b: &Section, is_angle: &[bool]) -> (Vec<Vec<f64>>, Vec<Vec<f64>>) {
-    let coordinates = a.value.len().min(b.value.len()).min(is_angle.len());
+/// Points of each section as features of equal weight, whatever their units: cosine and sine of each
+/// angle, and each length and velocity over its scatter in all of them together.
+fn features(all: &[&Section], is_angle: &[bool]) -> Vec<Vec<Vec<f64>>> {
+    let coordinates = all.iter().map(|s| s.value.len()).min().unwrap_or(0).min(is_angle.len());
     let scatters = |of: &dyn Fn(&Section) -> &[Vec<f32>]| -> Vec<f64> {
-        (0..coordinates).map(|c| scatter(&[&of(a)[c], &of(b)[c]].map(|x| &x[..]))).collect()
+        (0..coordinates).map(|c| scatter(&all.iter().map(|s| &of(s)[c][..]).collect::<Vec<_>>())).collect()
     };
     let (of_value, of_velocity) = (scatters(&|s| &s.value), scatters(&|s| &s.velocity));
-    let points = |s: &Section| -> Vec<Vec<f64>> {
+    let points = |s: &&Section| -> Vec<Vec<f64>> {
         let n = s.value.iter().map(Vec::len).min().unwrap_or(0);
         let one = |i: usize| {
             let mut out = Vec::with_capacity(3 * coordinates);
@@ -97,7 +101,7 @@ fn features(a: &Section, b: &Section, is_angle: &[bool]) -> (Vec<Vec<f64>>, Vec<
         };
         (0..n).map(one).collect()
     };
-    (points(a), points(b))
+    all.iter().map(points).collect()
 }
 
 /// Standard deviation of all values together; 1 where they do not differ.
@@ -115,18 +119,20 @@ mod tests {
 
     #[test]
     fn a_length_counts_as_much_in_any_unit() {
-        let section = |scale: f32, shift: f32| {
-            let x: Vec<f32> = (0..50).map(|i| scale * ((i as f32 * 0.7).sin() + shift)).collect();
-            let v: Vec<f32> = (0..50).map(|i| scale * (i as f32 * 1.3).cos()).collect();
+        let section = |scale: f32, shift: f32, first: f32| {
+            let x: Vec<f32> = (0..50).map(|i| scale * (((first + i as f32) * 0.7).sin() + shift)).collect();
+            let v: Vec<f32> = (0..50).map(|i| scale * ((first + i as f32) * 1.3).cos()).collect();
             Section { tau: 0.0, value: vec![x], velocity: vec![v] }
         };
         let p = |scale: f32| {
-            let (x, y) = features(&section(scale, 0.0), &section(scale, 1.5), &[false]);
-            (x[0].len(), energy_test(&x, &y, 1).unwrap().p_value)
+            let others = [3.3, 7.9, 11.2, 17.7].map(|first| section(scale, 0.0, first));
+            let own = section(scale, 1.5, 0.0);
+            let clouds = features(&std::iter::once(&own).chain(&others).collect::<Vec<_>>(), &[false]);
+            (clouds[0][0].len(), among(&clouds[0], &clouds[1..]).unwrap().p_value)
         };
         // A millimetre's cosine is 1 wherever the motion is.
-        assert!(p(1e-3).1 < 0.02 && p(1e-3) == p(1.0), "{:?} {:?}", p(1e-3), p(1.0));
-        let (x, _) = features(&section(1.0, 0.0), &section(1.0, 0.0), &[true]);
+        assert!(p(1e-3).1 < 0.02 && (p(1e-3).1 - p(1.0).1).abs() < 1e-3, "{:?} {:?}", p(1e-3), p(1.0));
+        let x = &features(&[&section(1.0, 0.0, 0.0)], &[true])[0];
         assert_eq!((p(1.0).0, x[0].len()), (2, 3));
     }
 }

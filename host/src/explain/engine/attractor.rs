@@ -3,24 +3,29 @@
 //!
 //! Of systems that turn. *Prediction horizon*: from held-out windows whose initial state was fitted
 //! the model runs on freely until any sensor's angle is off by 30°; the median time over the
-//! windows. *Poincaré section*: model and record at each period of the drive, as points (cos, sin
-//! of each sensor's angle, its velocity over its scatter); the energy distance between the two
-//! clouds with its permutation test ([`crate::validate::energy_distance`]).
+//! windows. *Poincaré section*: the record at each period of the drive, as points (cos, sin of each
+//! sensor's angle, its velocity over its scatter), beside those of some records of the model itself
+//! from the record's first state, as the same sensors show them
+//! ([`crate::validate::energy_distance`]).
 
 use nalgebra::DVector;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
 use super::prediction::Predictions;
 use super::setting::Setting;
 use super::state::State;
 use crate::identify::stretches::Stretch;
-use crate::validate::energy_distance::energy_test;
+use crate::validate::energy_distance::{MOST_PERIODS, RECORDS, among};
 
 /// Angle by which a prediction may be off, degrees.
 pub const TOLERANCE_DEG: f64 = 30.0;
 /// Longest prediction, in horizons of the gap.
 pub const LONGEST: f64 = 60.0;
-/// Seed of the permutation test.
+/// Steps of integration in a period of the drive, of records of which each is one of many.
+const STEPS: f64 = 50.0;
+/// Seed of the noise of the sensors in these.
 const SEED: u64 = 1;
 /// Samples to either side over which velocities of a section are taken.
 const REACH: usize = 2;
@@ -30,9 +35,10 @@ const REACH: usize = 2;
 pub struct Attractor {
     /// Median prediction horizon, s.
     pub prediction_horizon_s: f64,
-    /// Energy distance of the Poincaré sections; none for a free system or a short record.
+    /// Mean energy distance of the record's Poincaré section from those of records that the model
+    /// itself makes; none for a free system or a short record.
     pub section_distance: Option<f64>,
-    /// Probability of at least this distance by chance.
+    /// Probability of at least this distance by chance: of a record of the model from the others.
     pub section_p_value: Option<f64>,
 }
 
@@ -48,10 +54,14 @@ pub fn measure(setting: &Setting<'_>, state: &State, x: &DVector<f64>, how: Pred
     state.on_free_track(setting, moving.hidden.clone(), |track| {
         let prediction_horizon_s = model.holds_s(track, how, &tolerance, LONGEST * how.horizon_s)?;
         let longest = (0..state.stretches.len()).max_by_key(|&k| (state.stretches[k].len(), usize::MAX - k))?;
-        let test = setting.rig.drive.and_then(|_| {
-            let shown = model.shown(track, longest, how.horizon_s)?;
-            let [measured, simulated] = sections(setting, &state.stretches[longest], &shown)?;
-            energy_test(&measured, &simulated, SEED)
+        let test = setting.rig.drive.and_then(|drive| {
+            let (stretch, period_s) = (&state.stretches[longest], 1.0 / drive.frequency_hz);
+            // Few: the cast cuts the fraction.
+            let count = stretch.len().min((MOST_PERIODS * period_s / stretch.step_s).ceil() as usize + 1);
+            let step_s = how.step_s.unwrap_or(0.0).max(period_s / STEPS);
+            let made = model.made(track, (longest, count), how.horizon_s, step_s, RECORDS)?;
+            let clouds = sections(setting, stretch, count, made)?;
+            among(&clouds[0], &clouds[1..])
         });
         Some(Attractor {
             prediction_horizon_s,
@@ -64,18 +74,28 @@ pub fn measure(setting: &Setting<'_>, state: &State, x: &DVector<f64>, how: Pred
 /// Points of a section: cos, sin and velocity of each angle.
 type Cloud = Vec<Vec<f64>>;
 
-/// Sections of a stretch and of what the model shows of it; none where the model has none over all
-/// of it.
-fn sections(setting: &Setting<'_>, stretch: &Stretch, shown: &[Vec<f64>]) -> Option<[Cloud; 2]> {
-    let count = stretch.len();
-    if shown.iter().any(|s| s.len() < count) {
-        return None;
-    }
+/// Sections of the first `count` samples of a stretch and of as many of records that were `made`.
+fn sections(
+    setting: &Setting<'_>,
+    stretch: &Stretch,
+    count: usize,
+    mut made: Vec<Vec<Vec<f64>>>,
+) -> Option<Vec<Cloud>> {
     // Where the drive's phase begins a new turn.
     let part = |i: usize| (stretch.tau(i) / core::f64::consts::TAU).rem_euclid(1.0);
     let crossings: Vec<usize> = (1..count).filter(|&i| part(i) < part(i - 1)).collect();
+    let mut rng = ChaCha8Rng::seed_from_u64(SEED);
+    for (k, (grid, sigma)) in setting.sensors.count.iter().zip(&setting.sensors.sigma).enumerate() {
+        let half = sigma * 3_f64.sqrt();
+        let mut shown = |x: &mut f64| match grid {
+            Some(q) => *x = ((*x / q).floor() + 0.5) * q,
+            None => *x += half * rng.random_range(-1.0..1.0),
+        };
+        made.iter_mut().flat_map(|m| &mut m[k]).for_each(&mut shown);
+    }
     let measured = stretch.sensors(&setting.bound);
-    let mut clouds = [&measured[..], shown].map(|of| cloud(of, &crossings, stretch.step_s));
+    let all = core::iter::once(&measured).chain(&made);
+    let mut clouds: Vec<Cloud> = all.map(|of| cloud(of, &crossings, count, stretch.step_s)).collect();
     for k in 0..measured.len() {
         let all: Vec<f64> = clouds.iter().flatten().map(|p| p[3 * k + 2]).collect();
         let mean = all.iter().sum::<f64>() / all.len().max(1) as f64;
@@ -88,8 +108,7 @@ fn sections(setting: &Setting<'_>, stretch: &Stretch, shown: &[Vec<f64>]) -> Opt
 }
 
 /// Points at some samples: cos, sin and velocity of each angle.
-fn cloud(angles: &[Vec<f64>], at: &[usize], step_s: f64) -> Cloud {
-    let count = angles.first().map_or(0, Vec::len);
+fn cloud(angles: &[Vec<f64>], at: &[usize], count: usize, step_s: f64) -> Cloud {
     at.iter()
         .filter(|&&i| i >= REACH && i + REACH < count)
         .map(|&i| {

@@ -4,9 +4,10 @@
 //! They are least-squares fits of shooting ([`crate::identify::shooting`]): derivatives from the
 //! variational equations, reversals under dry friction placed exactly.
 
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 use rayon::prelude::*;
 
-use super::free_run::step_of;
 use super::shooting::MOST_LOST;
 use crate::identify::shooting::problem::Piece;
 use crate::identify::track::Track;
@@ -273,25 +274,43 @@ impl Model<'_> {
             .collect()
     }
 
-    /// What the sensors would show of a stretch from its first state, fitted over a horizon, sensor
-    /// by sensor; shorter where the solution ends.
-    pub fn shown(&self, track: &Track<'_>, stretch: usize, horizon_s: f64) -> Option<Vec<Vec<f64>>> {
-        let (piece, guess) = track.piece(stretch, 0, track.samples(stretch))?;
+    /// What the sensors show over the first `count` samples of a stretch of so many records that the
+    /// model itself makes, each from a state that their noise does not tell from the record's, with
+    /// steps of `step_s`: in chaos they part. None where one has no solution.
+    pub fn made(
+        &self,
+        track: &Track<'_>,
+        (stretch, count): (usize, usize),
+        horizon_s: f64,
+        step_s: f64,
+        records: usize,
+    ) -> Option<Vec<Vec<Vec<f64>>>> {
+        let (piece, guess) = track.piece(stretch, 0, count)?;
         let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
-        let step_s = self.step_s.unwrap_or_else(|| step_of(self.motion, self.parameters, track, &piece, &guess));
         let problem = track.problem(self.motion, step_s, &at);
-        let length = samples(track, horizon_s);
-        let mut room = problem.room(false);
+        let length = samples(track, horizon_s).min(count);
         let head = problem.head(&piece, length);
-        let (state, _) =
-            problem.fit_state(&head, &guess, self.parameters, &[(length / 4).max(8), length], &mut room)?;
-        let left = problem.residuals_until(&piece, &state, self.parameters);
-        let sensors = track.sensors.len();
-        let of = |k: usize| {
-            let both = left.iter().zip(&piece.measured).skip(k).step_by(sensors);
-            both.map(|(r, y)| r * track.sigma[k] + y).collect()
+        let levels = [(length / 4).max(8).min(length), length];
+        let (state, _) = problem.fit_state(&head, &guess, self.parameters, &levels, &mut problem.room(false))?;
+        let n = self.motion.degrees_of_freedom();
+        let noise = track.sigma.iter().copied().fold(f64::INFINITY, f64::min);
+        let of = |record: usize| {
+            let mut rng = ChaCha8Rng::seed_from_u64(record as u64);
+            let mut begin = state.clone();
+            for (k, x) in begin.iter_mut().take(2 * n).enumerate() {
+                // Of a rate, what noise leaves over the horizon.
+                let size = if k < n { noise } else { noise / horizon_s };
+                *x += size * rng.random_range(-1.0..1.0);
+            }
+            let left = problem.residuals(&piece, &begin, self.parameters)?;
+            let sensors = track.sensors.len();
+            let of = |k: usize| {
+                let both = left.iter().zip(&piece.measured).skip(k).step_by(sensors);
+                both.map(|(r, y)| r * track.sigma[k] + y).collect()
+            };
+            Some((0..sensors).map(of).collect())
         };
-        Some((0..sensors).map(of).collect())
+        (0..records).into_par_iter().map(of).collect()
     }
 }
 

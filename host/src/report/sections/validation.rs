@@ -37,7 +37,7 @@ fn head(text: &str, align: Align) -> (Html, Align) {
 fn one(body: &mut Html, v: &Validation) {
     let passed = if v.verdict == Verdict::Passed { "passed" } else { "failed" };
     body.paragraph(&format!(
-        "Validation {passed}. Chaos forbids comparing two histories, so the model made a record of its own ({} s, same sensors and drive), and both were put through the \
+        "Validation {passed}. Histories of a chaotic motion part, so the model made a record of its own ({} s, same sensors and drive), and both were put through the \
          same analyses.",
         significant(v.simulated_s, 4)
     ));
@@ -142,16 +142,15 @@ fn sections(body: &mut Html, v: &Validation) {
                 fixed(s.tau, 3),
                 significant(t.distance, 2),
                 significant(t.p_value, 2),
-                t.block.to_string(),
-                t.points[0].to_string(),
-                t.points[1].to_string(),
+                t.points.to_string(),
+                t.records.to_string(),
             ];
             Some(cells.iter().map(|c| Html::text(c)).collect())
         })
         .collect();
     if !rows.is_empty() {
         let heads: Vec<(Html, Align)> =
-            ["τ / rad", "energy distance", "p", "block / periods", "points, record", "points, model"]
+            ["τ / rad", "mean energy distance", "probability by chance", "points", "records of the model"]
                 .iter()
                 .map(|t| head(t, Align::Right))
                 .collect();
