@@ -99,11 +99,9 @@ pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
             until: until.clone(),
             ..settings_of(&own, stop.clone())
         };
-        arguments.out.say(&format!(
-            "{}, for {}\n",
-            presentation::setting(&run.setting().on(&rig)),
-            presentation::length(run.seconds)
-        ));
+        let setting = run.setting().on(&rig);
+        let lasting = presentation::lasting(&setting, run.seconds);
+        arguments.out.say(&format!("{}, {lasting}\n", presentation::setting(&setting)));
         let progress = &mut *progress::of_capture();
         let outcome = if own.effects.is_empty() {
             capture(&settings, &rig, progress)?

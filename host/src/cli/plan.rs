@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::output::{Output, Replace};
+use super::output::{Output, Replace, print_warnings};
 use super::outputs::Outputs;
 use super::{Answer, Judgement, progress};
 use crate::error::{BadInput, Result};
@@ -17,6 +17,7 @@ use crate::plan::goals::{Goals, Limits, Precise, Tell};
 use crate::plan::{Settings, check_rig, plan, presentation};
 use crate::record::{ReadOptions, Record};
 use crate::rig::Rig;
+use crate::warning::Warning;
 
 /// Arguments of `plan`.
 #[derive(Debug, Args)]
@@ -70,7 +71,11 @@ fn model(arguments: &Arguments, rig: &Rig, record: Option<&Record>) -> Result<Id
             let (weak, choices) = (identify::Settings::default(), shooting::Settings::default());
             let found = best(std::slice::from_ref(record), rig, &weak, &choices, &bar);
             bar.finish_and_clear();
-            model_file::identified_model(&found?, rig)
+            let found = found?;
+            // What is planned for a model that misses something is no better than the model.
+            let grave: Vec<Warning> = found.warnings.iter().filter(|w| w.invalidates).cloned().collect();
+            print_warnings(&grave);
+            model_file::identified_model(&found, rig)
         }
         (None, None) => {
             Err(BadInput::new("no model and no record", "an identified model of this rig, or a record of it")

@@ -68,6 +68,12 @@ fn told(miss: &Miss) -> String {
     }
 }
 
+/// The horizon that tells what has changed, and the gap before and after; what was fitted again is
+/// not told as a change where nothing is missing.
+fn changed(e: &Explanation) -> Option<AtHorizon> {
+    e.gap.telling().filter(|_| e.gap.steps.len() > 1 && e.verdict != Verdict::NothingMissing)
+}
+
 /// What was found, one sentence.
 fn sentence(e: &Explanation) -> String {
     let found: Vec<String> = e
@@ -85,9 +91,7 @@ fn sentence(e: &Explanation) -> String {
     let found = if found.len() > 1 { found.join("; ") } else { found.concat() };
     let steps = &e.gap.steps;
     let over = |horizon_s: f64| format!("predictions over {} s", shortest(rounded(horizon_s, 4)));
-    // What was fitted again is not told as a change where nothing is missing.
-    let changed = e.gap.telling().filter(|_| steps.len() > 1 && e.verdict != Verdict::NothingMissing);
-    let change = match (changed, steps.last()) {
+    let change = match (changed(e), steps.last()) {
         (Some(AtHorizon { horizon_s, before, after }), _) => {
             let over = over(horizon_s);
             let (before, after) = (e.gap.miss_beside(before, after), e.gap.miss_beside(after, before));
@@ -177,18 +181,31 @@ fn parameters(e: &Explanation, equations: Option<&WrittenOut>, rig: &Rig) -> Vec
     e.parameters.iter().map(row).collect()
 }
 
-/// The gap at each step, in noise floors and, where the sensors have one unit, in that.
+/// Models and their gaps at the horizon of the sentence: at the shortest each step, at a longer one
+/// before and after.
+fn steps(e: &Explanation) -> (f64, Vec<(String, f64)>) {
+    let of = |s: &Step| (s.told("with"), s.value);
+    let all: Vec<(String, f64)> = e.gap.steps.iter().map(of).collect();
+    let (Some(over), [first, .., last]) = (changed(e).filter(|c| c.horizon_s > e.gap.horizon_s), &all[..]) else {
+        return (e.gap.horizon_s, all);
+    };
+    let after = if all.len() > 2 { "with all of these".to_owned() } else { last.0.clone() };
+    (over.horizon_s, vec![(first.0.clone(), over.before), (after, over.after)])
+}
+
+/// The gap before and after, in noise floors and, where the sensors have one unit, in that.
 fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
-    let misses: Vec<Miss> = e.gap.steps.iter().map(|s| e.gap.miss(s.value)).collect();
+    let (horizon_s, steps) = steps(e);
+    let misses: Vec<Miss> = steps.iter().map(|s| e.gap.miss(s.1)).collect();
     // Said once, above all.
     let many = !misses.is_empty() && misses.iter().all(|m| matches!(m, Miss::Own { .. }));
     let floors = if many { e.gap.noise() } else { "1 noise floor is what the sensors' noise alone leaves".to_owned() };
     let heading = format!(
         "How far predictions over {} s miss, where they were not fitted ({floors})",
-        shortest(rounded(e.gap.horizon_s, 4))
+        shortest(rounded(horizon_s, 4))
     );
-    let bar = |(step, miss): (&Step, &Miss)| {
-        let own = e.gap.floor_in.as_ref().map(|floor| quantity(step.value * floor.value, &floor.unit, 3));
+    let bar = |((name, value), miss): (&(String, f64), &Miss)| {
+        let own = e.gap.floor_in.as_ref().map(|floor| quantity(value * floor.value, &floor.unit, 3));
         let also = own.map_or_else(String::new, |own| format!(", {}", own.replace(" °", "°")));
         let label = match miss {
             Miss::Floors(_) => format!("{miss}{also}"),
@@ -196,9 +213,9 @@ fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
             // Of a miss that is told in the sensors' unit there is no second number.
             Miss::Own { .. } | Miss::Diverged => miss.to_string(),
         };
-        GapBar { name: step.told("with"), value: step.value, label }
+        GapBar { name: name.clone(), value: *value, label }
     };
-    (heading, e.gap.steps.iter().zip(&misses).map(bar).collect())
+    (heading, steps.iter().zip(&misses).map(bar).collect())
 }
 
 /// The command that prints the laboratory tests of an effect and of those that it is not told from;

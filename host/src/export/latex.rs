@@ -121,7 +121,7 @@ const DIGITS: &str = "Numbers have the digits that their standard errors support
 /// What the numbers before strengths of effects are.
 const FACTORS: &str = "\n\
     % The number before an effect's strength in an equation puts the strength into the equation's own terms.\n\
-    A number before an effect's strength puts it into the terms of its equation, which is divided by its inertia\n\
+    A number before an effect's strength puts it into the terms of its equation, over the inertia where that divides it\n\
     and, where primes are derivatives by \\(\\tau\\), by powers of \\(\\Omega\\).";
 
 /// A number as [`crate::wording::format`] writes it.

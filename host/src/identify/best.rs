@@ -22,11 +22,11 @@ use crate::wording::format::significant;
 /// errors are small as well.
 pub(super) const MOST_SAMPLES: usize = 200_000;
 /// Warning of the weak form that more is left than the sensors' noise.
-const MISSES_SOMETHING: &str = "model-misses-something";
+pub(super) const MISSES_SOMETHING: &str = "model-misses-something";
 /// The same of shooting.
 const MORE_THAN_NOISE: &str = "more-than-noise";
 /// Warnings that its coefficients cannot be a rig's, which zeros that are off make as well.
-const CANNOT_BE: [&str; 5] =
+pub(super) const CANNOT_BE: [&str; 5] =
     ["tie-violated", "negative-damping", "negative-gravity", "negative-inertia", "negative-quantity"];
 /// Warnings of the weak form that shooting gives by itself, or that are about its windows.
 const OF_WEAK: [&str; 3] = ["few-windows", "periodic-record", "undetermined"];

@@ -1,12 +1,14 @@
 //! The card of an identification: see [`crate::report::card`].
 
 use super::Identification;
+use super::best::{CANNOT_BE, MISSES_SOMETHING};
 use super::identifiability::{CORRELATION, RELATIVE_ERROR, size};
 use super::model_file::identified_model;
 use super::presentation::method_name;
 use crate::explain::card::equations;
 use crate::report::card::{Card, CardRow};
 use crate::rig::Rig;
+use crate::warning::Warning;
 use crate::wording::format::{Z95, count, significant};
 use crate::wording::names;
 use crate::wording::symbols::symbol_plain;
@@ -15,7 +17,9 @@ use crate::wording::symbols::symbol_plain;
 pub fn card(result: &Identification, rig: &Rig) -> Card {
     let equations = identified_model(result, rig).ok().and_then(|m| equations(&m, rig));
     let parameters = result.parameters.iter().map(|p| CardRow::of(p, equations.as_ref(), rig)).collect();
-    let (together, open): (Vec<_>, Vec<_>) = result.groups_not_separable.iter().partition(|g| is_known(result, g));
+    // Of an answer that cannot stand nothing else is worth knowing.
+    let groups = if cause(result).is_some() { &[][..] } else { &result.groups_not_separable[..] };
+    let (together, open): (Vec<_>, Vec<_>) = groups.iter().partition(|g| is_known(result, g));
     Card {
         verdict: sentence(result),
         parameters,
@@ -26,8 +30,22 @@ pub fn card(result: &Identification, rig: &Rig) -> Card {
     }
 }
 
+/// Why an answer cannot stand: rather a mistake that was recognised than what follows from it.
+fn cause(result: &Identification) -> Option<&Warning> {
+    let follows = |w: &&Warning| w.id == MISSES_SOMETHING || CANNOT_BE.contains(&w.id);
+    let all = || result.warnings.iter().filter(|w| w.invalidates);
+    all().find(|w| !follows(w)).or_else(|| all().next())
+}
+
 /// What was identified, how well, and whether it stands.
 fn sentence(result: &Identification) -> String {
+    let how = format!("{} samples by {}", count(result.record.samples as u64), method_name(&result.method));
+    let system = result.model.replace('-', " ");
+    if let Some(w) = cause(result) {
+        let text = names::inside(w.text.trim_end_matches('.'));
+        let advice = if w.advice.is_empty() { String::new() } else { format!(" {}.", w.advice.trim_end_matches('.')) };
+        return format!("This answer cannot stand: {text}.{advice} (The {system} was fitted to {how}.)");
+    }
     let (names, values): (Vec<String>, Vec<f64>) = result.parameters.iter().map(|p| (p.name.clone(), p.value)).unzip();
     // Of a part that is zero (the drive's off phase, gravity across an arm) the whole tells how
     // well it is known.
@@ -42,21 +60,14 @@ fn sentence(result: &Identification) -> String {
             format!(", half of its parameters to no better than ± {percent} %")
         }
     });
-    let stands = if let Some(w) = result.warnings.iter().find(|w| w.invalidates) {
-        format!("but this answer cannot stand: {}", names::inside(w.text.trim_end_matches('.')))
-    } else if !result.within_bound() {
+    let stands = if !result.within_bound() {
         "but its equations do not balance on this record: something is missing, run `whirl explain`".to_owned()
     } else if result.warnings.iter().any(|w| ["model-misses-something", "more-than-noise"].contains(&w.id)) {
         "but these equations miss something: run `whirl explain`".to_owned()
     } else {
         "and its equations describe the record".to_owned()
     };
-    format!(
-        "The {} was identified from {} samples by {}{precision}, {stands}.",
-        result.model.replace('-', " "),
-        count(result.record.samples as u64),
-        method_name(&result.method)
-    )
+    format!("The {system} was identified from {how}{precision}, {stands}.")
 }
 
 /// Whether several coefficients whose errors are correlated are each known all the same.
@@ -102,7 +113,6 @@ mod tests {
 
     use super::*;
     use crate::identify::Parameter;
-    use crate::warning::Warning;
 
     fn rig() -> Rig {
         Rig::parse(include_str!("../../../rigs/chaotic.toml"), Path::new("rig.toml")).unwrap()
@@ -155,7 +165,14 @@ mod tests {
         assert!(shown.undecided[1].starts_with("B₁₁ and C₂ trade off"), "{:?}", shown.undecided);
         assert!(shown.remarks[0].starts_with("The errors of B₁₁ and B₂₂ go together"), "{:?}", shown.remarks);
         assert_eq!((shown.remarks.len(), shown.undecided.len()), (1, 2));
-        result.warnings.push(Warning::new("x", "Time runs backwards", "").invalidating());
-        assert!(card(&result, &rig).verdict.contains("cannot stand: time runs backwards"));
+        result.warnings.push(Warning::new("negative-gravity", "B22 is negative", "").invalidating());
+        result.warnings.push(Warning::new("x", "Time runs backwards", "Turn it round").invalidating());
+        let shown = card(&result, &rig);
+        assert!(
+            shown.verdict.starts_with("This answer cannot stand: time runs backwards. Turn it round. (The double"),
+            "{}",
+            shown.verdict
+        );
+        assert!(shown.undecided.is_empty() && shown.remarks.is_empty());
     }
 }

@@ -27,14 +27,14 @@ pub fn error(result: &Identification) -> String {
     let list = |of: &[f64]| of.iter().map(|e| percent(*e, 2)).collect::<Vec<_>>().join(", ");
     let expected = &result.details.expected_error;
     format!(
-        "the equations balance to {} of their largest term{} (up to {:.0} % is taken)",
+        "the equations balance to {} of their largest term{}{}",
         list(&result.identification_error),
         if expected.is_empty() {
             String::new()
         } else {
             format!("; what this record's sensors leave is {}", list(expected))
         },
-        100.0 * ERROR_BOUND
+        if result.within_bound() { String::new() } else { format!(" (up to {:.0} % is taken)", 100.0 * ERROR_BOUND) }
     )
 }
 

@@ -48,7 +48,7 @@ impl Kind {
         match self {
             Self::Angle => "an angle",
             Self::Length => "a displacement",
-            Self::Input => "an input",
+            Self::Input => "a measured quantity",
             Self::Other => "a rate or another quantity that no channel measures",
             Self::Unknown => "numbers whose name and values do not say what they are",
             Self::Counter => "counts the rows",

@@ -4,6 +4,9 @@ use super::average_mutual_information::Minimum;
 use super::survey_settings::Settings;
 use crate::warning::Warning;
 
+/// That a delay is no clear one.
+pub const WEAK_MINIMA: &str = "weak-minima";
+
 /// Minima of the mutual information that do not settle the delay: all of them, with their depths,
 /// and what was taken.
 pub fn weak_minima(name: &str, minima: &[Minimum], delay: usize, weak: bool, rate: f64) -> Warning {
@@ -23,7 +26,7 @@ pub fn weak_minima(name: &str, minima: &[Minimum], delay: usize, weak: bool, rat
         ),
     };
     Warning::new(
-        "weak-minima",
+        WEAK_MINIMA,
         message,
         format!(
             "The delay ({delay} samples are {:.4} s) affects exponent and dimension only; under a drive a quarter of its period serves as well",

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use super::task::LOOKED_AT_S;
 use super::{APART, Plan, Proposal, Separated, Setting};
 use crate::identify::Parameter;
 use crate::statistics::Z95;
@@ -10,12 +11,17 @@ use crate::wording::format::{significant, to_digits_of};
 /// Length below which times are not told, s.
 const SIMULATED_S: f64 = 20.0;
 
-/// "tell A from B and C".
+/// "tell A from B, C and whatever else looks like it".
 pub fn told_apart(names: &[String]) -> String {
     match names {
         [] => String::new(),
         [one] => format!("show {one} at {APART} standard errors"),
-        [first, others @ ..] => format!("tell {first} from {} at {APART} standard errors", others.join(" and ")),
+        [first, others @ ..] => {
+            format!(
+                "tell {first} from {} and whatever else looks like it at {APART} standard errors",
+                others.join(", ")
+            )
+        }
     }
 }
 
@@ -33,9 +39,25 @@ pub fn setting(s: &Setting) -> String {
     }
 }
 
-/// A length.
+/// A length, rounded up.
 pub fn length(seconds: f64) -> String {
-    if seconds >= 120.0 { format!("{:.1} minutes", seconds / 60.0) } else { format!("{seconds:.0} s") }
+    let tenths = |unit_s: f64| (seconds / unit_s * 10.0 - 1e-6).ceil() / 10.0;
+    match seconds {
+        s if s >= 259_200.0 => format!("{:.1} days", tenths(86_400.0)),
+        s if s >= 10_800.0 => format!("{:.1} hours", tenths(3600.0)),
+        s if s >= 120.0 => format!("{:.1} minutes", tenths(60.0)),
+        s => format!("{s:.0} s"),
+    }
+}
+
+/// How long a setting is recorded: what is let go is at rest after a while, and let go again.
+pub fn lasting(s: &Setting, seconds: f64) -> String {
+    // Few: the cast cuts nothing.
+    let times = (seconds / LOOKED_AT_S - 1e-6).ceil() as u64;
+    match s.pose {
+        Some(_) if times > 1 => format!("{times} times, for {LOOKED_AT_S} s each"),
+        _ => format!("for {}", length(seconds)),
+    }
 }
 
 /// What is said behind a number that rests on one draw: it bounds no other record.
@@ -75,7 +97,7 @@ fn narrower(plan: &Plan, best: &Proposal) -> Option<f64> {
 /// The plan in one line; none where nothing is proposed.
 pub fn line(plan: &Plan) -> Option<String> {
     let best = plan.best.as_ref()?;
-    let mut out = format!("{}, for {}", setting(&best.setting), length(best.seconds));
+    let mut out = format!("{}, {}", setting(&best.setting), lasting(&best.setting, best.seconds));
     if plan.goals.tell.is_empty() {
         if plan.unchanged.as_ref().is_some_and(|there| there.setting == best.setting) {
             out.push_str(", as it is set now");
@@ -101,7 +123,8 @@ pub fn line(plan: &Plan) -> Option<String> {
         Some(there) if there.setting == best.setting => out.push_str("; it is set so now"),
         there => {
             if let Some(there) = there.and_then(nearest) {
-                let told = format!("{:.1}{}", there.deviations, alone(there.draws));
+                let from = there.from.as_ref().map_or("nothing missing", |f| f.as_str());
+                let told = format!("{:.1} from {from}{}", there.deviations, alone(there.draws));
                 let _ = write!(out, "; as it is set now, in the same time, {told}");
             }
         }

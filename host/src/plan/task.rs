@@ -23,7 +23,7 @@ use crate::system::library::Pendulum;
 /// Length of the records that are looked at: driven, in periods, so that windows can grow to their
 /// longest; let go, s (by hand).
 const LOOKED_AT_PERIODS: f64 = 200.0;
-const LOOKED_AT_S: f64 = 20.0;
+pub const LOOKED_AT_S: f64 = 20.0;
 /// Time that a motion at the setting of the model is given, periods: of 300 initial states of the
 /// rig `rigs/seed.toml` nine tenths still moved chaotically after 100, 1 % after 600.
 const STAYS_PERIODS: f64 = 600.0;

@@ -285,20 +285,23 @@ impl Card {
         let head = |t: &str, a| (Html::text(t), a);
         let mut heads = vec![head("", Align::Left), head("what it is", Align::Left)];
         if both {
-            heads.push(head("before ± 95 %", Align::Right));
+            heads.push(head("before ±\u{a0}95\u{a0}%", Align::Right));
         }
-        heads.push(head(if both { "after ± 95 %" } else { "value ± 95 %" }, Align::Right));
+        let now = if both { "after ±\u{a0}95\u{a0}%" } else { "value ±\u{a0}95\u{a0}%" };
+        heads.push(head(now, Align::Right));
         heads.push(head("unit", Align::Left));
         if both {
             heads.push(head("change", Align::Right));
         }
+        // On a phone a line may end before a sign, never behind it.
+        let interval = |of: (f64, f64)| CardRow::interval(of).replace("± ", "±\u{a0}");
         let row = |p: &CardRow| -> Vec<Html> {
             let symbol = if p.symbol.is_empty() { Html::new() } else { Html::symbol(&p.symbol) };
             let mut cells = vec![symbol, Html::text(&p.plain)];
             if both {
-                cells.push(Html::text(&p.before.map_or_else(|| "–".to_owned(), CardRow::interval)));
+                cells.push(Html::text(&p.before.map_or_else(|| "–".to_owned(), interval)));
             }
-            cells.push(Html::text(&CardRow::interval(p.after)));
+            cells.push(Html::text(&interval(p.after)));
             cells.push(Html::text(&p.unit.replace(' ', "\u{a0}")));
             if both {
                 cells.push(Html::text(&p.change()));

@@ -57,7 +57,7 @@ fn a_page_has_the_same_escaped() {
     let page = card().html().0;
     assert!(page.starts_with("<p class=verdict>The model misses a drag &amp; more.</p>"), "{page}");
     assert!(page.contains("<math><mrow><mo form=infix>−</mo><mi>b</mi></mrow></math>"), "{page}");
-    assert!(page.contains("0.048493 ± 0.000011") && page.contains("friction &lt;i&gt;"), "{page}");
+    assert!(page.contains("0.048493 ±\u{a0}0.000011") && page.contains("friction &lt;i&gt;"), "{page}");
     assert!(page.contains("</table></div>\n<p>Both go together.</p>"), "{page}");
     assert!(page.contains("predicted by the new model") && page.contains("<svg"), "{page}");
 }

@@ -38,6 +38,14 @@ fn in_plain_words(message: &str) -> BadInput {
     if let Some((key, known)) = unknown_key(message) {
         return BadInput::new(format!("the key \"{key}\""), format!("one of {}", known.join(", ")));
     }
+    if let Some((key, _)) = message.strip_prefix("missing field `").and_then(|m| m.split_once('`')) {
+        return BadInput::new(format!("no {key}"), "it in this part of the file");
+    }
+    if let Some((found, expected)) =
+        message.strip_prefix("unknown variant `").and_then(|m| m.split_once("`, expected "))
+    {
+        return BadInput::new(format!("\"{found}\""), expected.replace('`', "\""));
+    }
     let typed = message.strip_prefix("invalid type: ").or_else(|| message.strip_prefix("invalid value: "));
     let Some((found, expected)) = typed.and_then(|m| m.rsplit_once(", expected ")) else {
         return BadInput::new(message.to_owned(), "");
@@ -85,6 +93,17 @@ fn remedy(message: &str, line: &str) -> String {
     }
     if message.contains("invalid basic string") || message.contains("invalid literal string") {
         return "Close the quote: a text stands between two of them on one line".to_owned();
+    }
+    if let Some((key, _)) = message.trim().strip_prefix("missing field `").and_then(|m| m.split_once('`')) {
+        let example = match key {
+            "unit" => ", such as unit = \"count\" or unit = \"rad\"",
+            "name" => ", such as name = \"count1\"",
+            "measures" => ", such as measures = \"theta1\"",
+            "channel" => ": a part [[channel]] for each column of the record",
+            "frequency_hz" => ", such as frequency_hz = 5.0",
+            _ => "",
+        };
+        return format!("Add {key}{example}; the keys of a rig file are listed in docs/rig-file.md");
     }
     let meant = unknown_key(message.trim()).map_or_else(String::new, |(key, known)| did_you_mean(key, known));
     format!("{meant}Correct this key; the keys of a rig file are listed in docs/rig-file.md")

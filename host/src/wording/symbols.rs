@@ -163,16 +163,17 @@ pub fn symbol_mathml(name: &str, mark: Mark) -> String {
             _ => base,
         };
         let prime = match mark {
-            Mark::Prime => "<mo>′</mo>",
-            Mark::DoublePrime => "<mo>″</mo>",
+            Mark::Prime => "<mo lspace=0 rspace=0>′</mo>",
+            Mark::DoublePrime => "<mo lspace=0 rspace=0>″</mo>",
             _ => "",
         };
         let sub = format!("<mtext>{}</mtext>", escape(sub));
         match (sub.len() > "<mtext></mtext>".len(), prime.is_empty()) {
             (false, true) => base,
             (true, true) => format!("<msub>{base}{sub}</msub>"),
-            (false, false) => format!("<msup>{base}{prime}</msup>"),
-            (true, false) => format!("<msubsup>{base}{sub}{prime}</msubsup>"),
+            // Browsers draw a prime in the place of an exponent too small to be read.
+            (false, false) => format!("<mrow>{base}{prime}</mrow>"),
+            (true, false) => format!("<mrow><msub>{base}{sub}</msub>{prime}</mrow>"),
         }
     };
     all.iter().enumerate().map(of).collect()
@@ -197,7 +198,10 @@ mod tests {
         assert_eq!(symbol_plain_marked("phi1", Mark::DoublePrime), "φ₁″");
         assert_eq!(symbol_plain_marked("q", Mark::Dot), "q\u{307}");
         assert_eq!(symbol_plain_marked("position", Mark::DoubleDot), "position¨");
-        assert_eq!(symbol_mathml("phi1", Mark::Prime), "<msubsup><mi>φ</mi><mtext>1</mtext><mo>′</mo></msubsup>");
+        assert_eq!(
+            symbol_mathml("phi1", Mark::Prime),
+            "<mrow><msub><mi>φ</mi><mtext>1</mtext></msub><mo lspace=0 rspace=0>′</mo></mrow>"
+        );
         assert_eq!(symbol_mathml("a<b", Mark::None), "<mi>a&lt;b</mi>");
     }
 }

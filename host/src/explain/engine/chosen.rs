@@ -9,7 +9,7 @@ use super::setting::Setting;
 use super::state::State;
 use super::{shooting, tell};
 use crate::explain::decision::{self, Audit, Choice, Offer, Rows};
-use crate::explain::explanation::{Explanation, Found, Limit};
+use crate::explain::explanation::{Explanation, Found, Limit, Ranked};
 use crate::explain::ranking::Fit;
 
 /// The next effect and what is told of it.
@@ -21,8 +21,6 @@ pub fn choose(
     result: &mut Explanation,
 ) -> Option<(Found, Candidate)> {
     let step = result.effects.len();
-    // A step that is chosen for again, after its effect was refused, is told once.
-    result.ranking.retain(|r| r.step != step);
     let Outcome { candidates, evidence, own, fit } = outcome;
     let refused = search.names();
     let offers: Vec<Offer> = candidates
@@ -54,7 +52,7 @@ pub fn choose(
     let selection = decision::Selection { evidence: judged, own, offers: &offers };
     let mut audit = Audit::default();
     let choice = decision::choose(&selection, step, &mut audit, &feigned, &together);
-    result.ranking.extend(audit.ranking);
+    rank(&mut result.ranking, step, audit.ranking);
     result.refused = audit.refused;
     let limit = |(k, strengths): (usize, DVector<f64>)| limit_of(setting, state, &candidates[k], &strengths);
     result.detection_limits = audit.limits.into_iter().filter_map(limit).collect();
@@ -68,6 +66,17 @@ pub fn choose(
         ..tell_of(setting, state, candidate, &fit)
     };
     Some((found, candidate.clone()))
+}
+
+/// Puts the candidates of a step into the ranking. A step that is chosen for again, after its effect
+/// was refused, is told once, with those that are not offered any more.
+fn rank(ranking: &mut Vec<Ranked>, step: usize, found: Vec<Ranked>) {
+    let (before, others): (Vec<Ranked>, Vec<Ranked>) =
+        core::mem::take(ranking).into_iter().partition(|r| r.step == step);
+    let gone = before.into_iter().filter(|r| found.iter().all(|f| f.name != r.name));
+    let (better, worse): (Vec<Ranked>, Vec<Ranked>) =
+        gone.partition(|r| found.first().is_none_or(|best| r.gain > best.gain));
+    *ranking = others.into_iter().chain(better).chain(found).chain(worse).collect();
 }
 
 /// What is told of strengths from which on a candidate would have been named; none where its value

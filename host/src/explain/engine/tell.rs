@@ -51,7 +51,6 @@ fn scale(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
             None => (1.0, "of the drive's amplitude".to_owned()),
         };
     }
-    let rad_or_m = |angle: bool| if angle { "rad" } else { "m" }.to_owned();
     match (c.entry.verb, c.entry.at) {
         (Verb::Turns, _) => (1.0, "rad".to_owned()),
         (Verb::Moves, _) => (1.0, "m".to_owned()),
@@ -62,9 +61,8 @@ fn scale(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
         }
         (Verb::Reads, _) => {
             let sensor = if let Place::Encoder(k) = c.place { k } else { 0 };
-            let circle =
-                (0..setting.circle.len()).any(|k| setting.bound.shown[(sensor, k)] != 0.0 && setting.circle[k]);
-            (1.0, rad_or_m(circle))
+            let own = setting.bound.sensors.get(sensor).map_or("m", |k| setting.rig.channel[*k].si_unit());
+            (1.0, if own == "1" { String::new() } else { own.to_owned() })
         }
         (Verb::Advances, _) => (1.0, "rad".to_owned()),
         (Verb::Force | Verb::Drags, _) => force(setting, physical, c),

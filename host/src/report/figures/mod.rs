@@ -23,7 +23,7 @@ use canvas::{Layout, Panel};
 /// Width of a drawing for a phone, CSS pixels.
 const NARROW: f64 = 380.0;
 /// Longest drawing that is there twice, bytes.
-const MOST_TWICE: usize = 60_000;
+const MOST_TWICE: usize = 200_000;
 /// Most names along an axis of a narrow drawing.
 const MOST_NAMES: usize = 5;
 

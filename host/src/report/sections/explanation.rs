@@ -44,14 +44,14 @@ fn one(body: &mut Html, e: &Explanation) {
     if let Some(u) = &e.unknown {
         unknown(body, u);
     }
-    let panels: Vec<Panel> = e.maps.iter().map(|m| map(m, e.maps_before.iter().find(|b| b.of(m)))).collect();
-    if !panels.is_empty() {
+    for of in e.maps.chunk_by(|a, b| a.equation == b.equation) {
+        let panels: Vec<Panel> = of.iter().map(|m| map(m, e.maps_before.iter().find(|b| b.of(m)))).collect();
         let layout = Layout { columns: 2, height: 150.0, ..Layout::default() };
-        body.figure(&Figure::draw(
-            "What is left of each equation of motion: mean residual before the first effect was added and after the last one, with the 95 % band that the sensors' noise alone gives.",
-            &layout,
-            &panels,
-        ));
+        let caption = format!(
+            "What is left of equation of motion {}: mean residual before the first effect was added and after the last one, with the 95 % band that the sensors' noise alone gives.",
+            of[0].equation
+        );
+        body.figure(&Figure::draw(caption, &layout, &panels));
     }
 }
 
@@ -130,7 +130,7 @@ fn attractor(body: &mut Html, e: &Explanation) {
         })
         .collect();
     body.paragraph(
-        "How long free predictions from held-out windows hold (median), and the energy distance between the Poincaré sections of model and record with its permutation test:",
+        "How long free predictions from held-out windows hold (median), and how far the record's Poincaré section is from those of records that the model itself makes (mean energy distance), with the probability that one of these is as far from the others:",
     );
     body.table(&heads, &rows);
 }
