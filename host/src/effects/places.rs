@@ -170,10 +170,9 @@ pub fn of(entry: &Entry, file: &SystemFile, bound: &ObservedModel) -> Vec<Place>
                 Vec::new()
             }
         }
+        // What has a weight in a plane or in space, and a coordinate that it pulls at.
         At::Frame => match &file.gravity {
-            Some(Gravity::Down) if file.bodies.iter().any(|b| matches!(b.value, Body::Arm { .. })) => {
-                vec![Place::Frame]
-            }
+            Some(Gravity::Down) if file.bodies.iter().any(|b| has_weight(&b.value)) => vec![Place::Frame],
             _ => Vec::new(),
         },
         At::Encoder => (0..bound.sensors.len())
@@ -183,6 +182,14 @@ pub fn of(entry: &Entry, file: &SystemFile, bound: &ObservedModel) -> Vec<Place>
             .map(Place::Encoder)
             .collect(),
         At::Input => (0..bound.inputs.len().min(file.words.inputs.len())).map(Place::Input).collect(),
+    }
+}
+
+/// Whether gravity, turned, pulls at a body otherwise.
+fn has_weight(body: &Body) -> bool {
+    match body {
+        Body::Arm { .. } => true,
+        Body::Free { centroid, .. } => centroid.as_ref().is_some_and(|c| c.len() > 1),
     }
 }
 

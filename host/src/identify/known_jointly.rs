@@ -48,12 +48,15 @@ pub(super) fn contradicted(
         Some(format!("{} = {} instead of {}", p.name, quantity(p.value, &p.unit, 4), quantity(*stated, &p.unit, 4)))
     };
     let values: Vec<String> = found.iter().filter_map(instead).collect();
+    // Gravity is the last to be wrong.
+    let rather =
+        if names.iter().any(|n| n == "g") { ", or the scale of a sensor of lengths, or the time base" } else { "" };
     let mut alternatives: Vec<String> = gains
         .iter()
         .map(|s| format!("{} reads {} times what acts (its sensor's scale)", s.input, significant(s.factor, 4)))
         .collect();
     if !values.is_empty() {
-        alternatives.push(listed(&values));
+        alternatives.push(listed(&values) + rather);
     }
     let agree = match alternatives.len() {
         0 => String::new(),
@@ -82,13 +85,14 @@ fn let_go<'a>(
 ) -> Option<(Vec<String>, TiesFit)> {
     let mut left = known.clone();
     let mut gone = Vec::new();
-    while left.keys().any(|name| *name != "g") {
+    while !left.is_empty() {
+        let last = left.keys().all(|name| *name == "g");
         let without = |name: &'a str| {
             let mut others = left.clone();
             others.remove(name);
             Some((name, fit(mechanism, c, &others)?))
         };
-        let candidates = left.keys().copied().filter(|name| *name != "g").filter_map(without);
+        let candidates = left.keys().copied().filter(|name| last || *name != "g").filter_map(without);
         let (name, fit) = candidates.min_by(|a, b| a.1.misfit.total_cmp(&b.1.misfit))?;
         left.remove(name);
         gone.push(name.to_owned());

@@ -136,7 +136,7 @@ const COUNT: &str = "count";
 
 /// Units that a channel may have, the SI unit of each and its size in that; counts are parts of a
 /// turn.
-const IN_SI: [(&str, &str, f64); 15] = [
+const IN_SI: [(&str, &str, f64); 17] = [
     (COUNT, "rad", TAU),
     ("rad", "rad", 1.0),
     ("deg", "rad", PI / 180.0),
@@ -148,6 +148,8 @@ const IN_SI: [(&str, &str, f64); 15] = [
     ("N", "N", 1.0),
     ("mN", "N", 1e-3),
     ("kN", "N", 1e3),
+    ("N m", "N m", 1.0),
+    ("mN m", "N m", 1e-3),
     ("A", "A", 1.0),
     ("m/s", "m/s", 1.0),
     ("m/s2", "m/s2", 1.0),

@@ -31,6 +31,7 @@ mod own_file;
 mod own_systems;
 mod pages;
 mod planned;
+mod point_masses;
 mod program;
 mod quarter_car;
 mod reduced;

@@ -4,6 +4,7 @@
 use std::path::Path;
 use std::sync::OnceLock;
 
+use super::own_systems::rig;
 use super::program::{done, json, rig_file, whirl};
 
 /// A minute of the chaotic rig: `base.csv`, and with changes to it.
@@ -141,4 +142,23 @@ fn an_explained_model_is_taken_by_explain_and_validate() {
     let median = json(&at.join("v.json"))["horizon"]["measured"]["quantiles_s"][2].as_f64().unwrap();
     assert!(median > 1.0, "{text}");
     done(at, "explain drift.parquet --rig rig.toml --model drift.toml");
+}
+
+/// A motion that is not chaotic is followed to its end whatever the model misses: what predictions
+/// miss tells.
+#[test]
+fn a_model_without_a_friction_fails_its_validation_and_one_with_it_passes() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let rig = rig("duffing.toml");
+    done(at, &format!("simulate --rig {rig} --seconds 40 --seed 1 --effect coulomb-friction@x=1.0 -o r.parquet"));
+    assert_eq!(whirl(at, &format!("identify r.parquet --rig {rig} -o poor.toml")).status, 1);
+    done(at, &format!("explain r.parquet --rig {rig} -o good.toml"));
+    for (model, status, passed) in [("poor", 1, false), ("good", 0, true)] {
+        let run = whirl(at, &format!("validate r.parquet --rig {rig} --model {model}.toml --json v.json"));
+        assert_eq!(run.status, status, "{run:?}");
+        let checks = json(&at.join("v.json"))["checks"].clone();
+        let check = checks.as_array().unwrap().iter().find(|c| c["name"] == "prediction-error").unwrap().clone();
+        assert_eq!(check["passed"], passed, "{check}");
+    }
 }

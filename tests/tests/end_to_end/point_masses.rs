@@ -1,0 +1,77 @@
+//! A crane whose load is a mass at a point: what a frame's tilt does to it.
+
+use super::program::{done, json};
+
+const CRANE: &str = r#"name = "crane"
+coordinates = { x = "length", theta = "angle" }
+inputs = { force = "N" }
+gravity = "down"
+parameters = { M = "kg", m = "kg", l = "m" }
+[points]
+trolley = "[x, 0]"
+[[body]]
+name = "trolley"
+mass = "M"
+centroid = "trolley"
+[[body]]
+name = "load"
+mass = "m"
+centroid = "trolley + l*along(theta)"
+[[joint]]
+name = "rail"
+moves = "x"
+[[joint]]
+name = "sheave"
+at = "trolley"
+moves = "theta"
+[[force]]
+does_work_on = "x"
+value = "force"
+[nominal]
+effects = ["viscous-friction@rail", "viscous-friction@sheave"]
+"#;
+
+const RIG: &str = r#"name = "crane"
+model = "crane.toml"
+sample_rate_hz = 50.0
+[[channel]]
+name = "x"
+measures = "x"
+unit = "m"
+[[channel]]
+name = "theta"
+measures = "theta"
+unit = "count"
+counts_per_turn = 8192
+[[channel]]
+name = "force"
+measures = "force"
+unit = "N"
+[known]
+l = 0.8
+[plant]
+M = 2.0
+m = 0.5
+l = 0.8
+"viscous-friction@rail" = 3.0
+"viscous-friction@sheave" = 0.01
+initial = [0.0, 0.2, 0.0, 0.0]
+noise = { x = 2e-4 }
+input.force = [{ kind = "random", rms = 6.0, to_hz = 1.5 }]
+"#;
+
+/// It acts on rail and rope alike: one name, not a constant force and a spring.
+#[test]
+fn a_tilted_frame_is_one_effect() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    std::fs::write(at.join("crane.toml"), CRANE).unwrap();
+    std::fs::write(at.join("rig.toml"), RIG).unwrap();
+    done(at, "simulate --rig rig.toml --effect frame-tilt@frame=0.005 --seconds 60 -o r.parquet");
+    done(at, "explain r.parquet --rig rig.toml --json e.json");
+    let e = json(&at.join("e.json"));
+    let effects = e["effects"].as_array().unwrap();
+    assert!(effects.len() == 1 && effects[0]["id"] == "frame-tilt" && e["verdict"] == "explained", "{effects:?}");
+    let of = |key: &str| effects[0][key].as_f64().unwrap();
+    assert!((of("value") - 0.005).abs() < 4.0 * of("std_error") && of("std_error") < 1e-4, "{effects:?}");
+}
