@@ -49,7 +49,7 @@ fn rests_on(e: &Explanation) -> String {
         if before.section_distance.is_some() {
             let _ = writeln!(
                 out,
-                "distance of the record's Poincaré section from those of the model's own records: {} (energy distance; one of them is as far from the others with probability {}: below 0.05 the record is none of them)",
+                "distance of the record's Poincaré section from those of the model's own records: {} (energy distance; one of them is as far from the others with probability {}: where that is below 0.01, the motion differs in the long run)",
                 both(&|a| a.section_distance),
                 both(&|a| a.section_p_value)
             );

@@ -304,7 +304,7 @@ impl Card {
             cells.push(Html::text(&interval(p.after)));
             cells.push(Html::text(&p.unit.replace(' ', "\u{a0}")));
             if both {
-                cells.push(Html::text(&p.change()));
+                cells.push(Html::text(&p.change().replace(' ', "\u{a0}")));
             }
             cells
         };

@@ -1,6 +1,8 @@
 //! An explanation: verdict, effects, the gap before and after, what each candidate explains, where
 //! the disagreement sits.
 
+use std::collections::BTreeSet;
+
 use crate::explain::engine::residual_map::Map;
 use crate::explain::engine::unknown::Unknown;
 use crate::explain::{Explanation, Found, Ranked};
@@ -44,12 +46,13 @@ fn one(body: &mut Html, e: &Explanation) {
     if let Some(u) = &e.unknown {
         unknown(body, u);
     }
-    for of in e.maps.chunk_by(|a, b| a.equation == b.equation) {
-        let panels: Vec<Panel> = of.iter().map(|m| map(m, e.maps_before.iter().find(|b| b.of(m)))).collect();
+    let equations: BTreeSet<usize> = e.maps.iter().map(|m| m.equation).collect();
+    for equation in equations {
+        let of = e.maps.iter().filter(|m| m.equation == equation);
+        let panels: Vec<Panel> = of.map(|m| map(m, e.maps_before.iter().find(|b| b.of(m)))).collect();
         let layout = Layout { columns: 2, height: 150.0, ..Layout::default() };
         let caption = format!(
-            "What is left of equation of motion {}: mean residual before the first effect was added and after the last one, with the 95 % band that the sensors' noise alone gives.",
-            of[0].equation
+            "What is left of equation of motion {equation}: mean residual before the first effect was added and after the last one, with the 95 % band that the sensors' noise alone gives."
         );
         body.figure(&Figure::draw(caption, &layout, &panels));
     }
