@@ -126,3 +126,13 @@ fn one_draw_is_told_without_a_bound() {
     assert!(line.contains("standard errors; as it is") && line.ends_with(" (one draw)"), "{line}");
     assert_eq!(human.matches("97.5 %").count(), 1, "{human}");
 }
+
+#[test]
+fn lengths_are_rounded_up_and_releases_counted() {
+    let told = [40.2, 236.9, 240.0, 13_000.0, 2.97e6].map(presentation::length);
+    assert_eq!(told, ["40 s", "4.0 minutes", "4.0 minutes", "3.7 hours", "34.4 days"]);
+    let release = Setting { pose: Some(vec![1.0]), frequency_hz: None, amplitude_m: None, amplitude_factor: None };
+    assert_eq!(presentation::lasting(&release, 1800.0), "90 times, for 20 s each");
+    assert_eq!(presentation::lasting(&release, 15.0), "for 15 s");
+    assert_eq!(presentation::lasting(&Setting { pose: None, ..release }, 1800.0), "for 30.0 minutes");
+}

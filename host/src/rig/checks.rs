@@ -302,6 +302,14 @@ mod tests {
             (format!("{head}drvie = 1\n"), "found the key \"drvie\", expected one of name, "),
             (format!("{head}drvie = 1\n"), "Did you mean drive?"),
             (
+                format!("{head}[{channel}").replace("[channel]", "[channel]]").replace("unit = \"m\"\n", ""),
+                "Add unit, such as",
+            ),
+            (
+                format!("{head}[drive]\nfrequency_hz = 5.0\ndirection = \"sideways\"\n"),
+                "found \"sideways\", expected \"vertical\" or \"horizontal\"",
+            ),
+            (
                 format!("{head}[{channel}counts_per_turn = \"4096\"\n").replace("[channel]", "[channel]]"),
                 "the text \"4096\", expected a whole number",
             ),

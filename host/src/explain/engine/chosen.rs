@@ -98,3 +98,27 @@ pub fn tell_of(setting: &Setting<'_>, state: &State, candidate: &Candidate, fit:
     let (reported, unit) = tell::value(setting, &state.physical, candidate, &strengths, &covariance);
     tell::found(setting, candidate, reported, unit)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_was_refused_once_stays_in_the_ranking() {
+        let of = |list: &[(&str, f64)], step| -> Vec<Ranked> {
+            let one = |&(name, gain): &(&str, f64)| Ranked {
+                name: name.to_owned(),
+                gain,
+                deviations: 0.0,
+                p_value: 0.1,
+                step,
+            };
+            list.iter().map(one).collect()
+        };
+        let mut ranking = of(&[("best", 0.9), ("next", 0.4), ("last", 0.1)], 0);
+        rank(&mut ranking, 1, of(&[("other", 0.2)], 1));
+        rank(&mut ranking, 0, of(&[("next", 0.4)], 0));
+        let told: Vec<(&str, usize)> = ranking.iter().map(|r| (r.name.as_str(), r.step)).collect();
+        assert_eq!(told, [("other", 1), ("best", 0), ("next", 0), ("last", 0)]);
+    }
+}
