@@ -15,6 +15,7 @@ use serde::Serialize;
 
 use super::prediction::Predictions;
 use super::setting::Setting;
+use super::shooting::MOST_SAMPLES;
 use super::state::State;
 use crate::identify::stretches::Stretch;
 use crate::validate::energy_distance::{MOST_PERIODS, RECORDS, among};
@@ -57,7 +58,8 @@ pub fn measure(setting: &Setting<'_>, state: &State, x: &DVector<f64>, how: Pred
         let test = setting.rig.drive.and_then(|drive| {
             let (stretch, period_s) = (&state.stretches[longest], 1.0 / drive.frequency_hz);
             // Few: the cast cuts the fraction.
-            let count = stretch.len().min((MOST_PERIODS * period_s / stretch.step_s).ceil() as usize + 1);
+            let whole = (MOST_PERIODS * period_s / stretch.step_s).ceil() as usize + 1;
+            let count = stretch.len().min(whole).min(MOST_SAMPLES);
             let step_s = how.step_s.unwrap_or(0.0).max(period_s / STEPS);
             let made = model.made(track, (longest, count), how.horizon_s, step_s, RECORDS)?;
             let clouds = sections(setting, stretch, count, made)?;
