@@ -27,10 +27,12 @@ pub struct Among {
     pub distance: f64,
     /// Probability that one of the others is as far from the rest.
     pub p_value: f64,
-    /// Points of each series.
-    pub points: usize,
-    /// How many others there are.
-    pub records: usize,
+    /// Points that are exchanged as a whole: those of a record.
+    pub block: usize,
+    /// Points of the series, and of each of the others.
+    pub points: [usize; 2],
+    /// Others, each of which takes its place once.
+    pub permutations: usize,
 }
 
 /// Compares a series of points (features of equal scale) with others, of which as many points count
@@ -63,7 +65,13 @@ pub fn among(of: &[Vec<f64>], others: &[Vec<Vec<f64>>]) -> Option<Among> {
     let scatter = (logs.iter().map(|l| (l - m).powi(2)).sum::<f64>() / (k - 1.0)).sqrt();
     let t = (own.max(f64::MIN_POSITIVE).ln() - m) / (scatter * (1.0 + 1.0 / k).sqrt());
     let student = StudentsT::new(0.0, 1.0, k - 1.0).ok()?;
-    t.is_finite().then(|| Among { distance: own, p_value: student.sf(t), points: shortest, records: others.len() })
+    t.is_finite().then(|| Among {
+        distance: own,
+        p_value: student.sf(t),
+        block: shortest,
+        points: [shortest; 2],
+        permutations: others.len(),
+    })
 }
 
 fn distance(a: &[f64], b: &[f64]) -> f64 {
@@ -110,6 +118,9 @@ mod tests {
         // these the mean distances from the rest are 3, 2 and 3.
         let at = |x: f64| vec![vec![x]; 40];
         let found = among(&at(3.0), &[at(0.0), at(1.0), at(2.0)]).unwrap();
-        assert!((found.distance - 4.0).abs() < 1e-12 && (found.points, found.records) == (40, 3), "{found:?}");
+        assert!(
+            (found.distance - 4.0).abs() < 1e-12 && (found.points, found.permutations) == ([40; 2], 3),
+            "{found:?}"
+        );
     }
 }

@@ -10,10 +10,11 @@
 
 use rayon::prelude::*;
 
-use super::FEW;
-use super::hypotheses::{kinds, search_scale, search_time, small, statements};
+use super::hypotheses::{COUNTS, channels, kinds, search_scale, search_time, small, statements};
 use super::scene::{Misfit, Noise, Scene};
 use super::undo::Undo;
+use super::{CLEAN, FEW};
+use crate::wording::format::Z95;
 
 /// Fall of the mean of ln r² from which a reversed channel fits better than as it stands (by hand).
 const FITS_BETTER: f64 = 0.1;
@@ -27,6 +28,9 @@ const FINALISTS: usize = 4;
 const ROUNDS: usize = 5;
 /// Share of the misfit within which two undoings are the same.
 const SAME: f64 = 0.02;
+
+/// Logarithm of a scale within which an effect may look like it.
+const NEAR: f64 = 0.3;
 
 /// What was found.
 pub(super) struct Finding {
@@ -105,6 +109,20 @@ pub(super) fn find(scene: &Scene, base: &Misfit) -> Option<Finding> {
         errors: best.errors,
         after: best.left,
     })
+}
+
+/// Whether a scale that was searched for near the stated one is all that is wrong: a mistake leaves
+/// what the sensors' noise leaves, or is a number of counts that encoders have. What leaves more may
+/// be an effect, of which a scale takes a part.
+pub(super) fn is_whole(scene: &Scene, found: &Finding) -> bool {
+    let Undo::Scale(list, factor) = &found.undo else { return true };
+    let error = found.errors.first().map_or(0.0, |e| Z95 * e);
+    let channels = channels(scene);
+    let usual = |i: &usize| {
+        let near = |n: u32| COUNTS.iter().any(|c| (f64::from(*c) / f64::from(n) - factor).abs() <= error.max(1e-3));
+        channels[*i].counts_per_turn.is_some_and(near)
+    };
+    found.after.log <= 0.5 * CLEAN || factor.abs().ln().abs() > NEAR || list.iter().all(usual)
 }
 
 /// Gauss and Newton's steps, shortened where they lead uphill; what has no number is only tried on

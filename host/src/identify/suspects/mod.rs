@@ -131,7 +131,7 @@ pub fn examine(records: &[Record], rig: &Rig) -> Vec<Warning> {
         && base.log > CLEAN
         && let Some(found) = find::find(&scene, &base)
         && !is_stated(&scene, &found)
-        && is_whole(&scene, &found)
+        && find::is_whole(&scene, &found)
     {
         out.push(tell::tell(&scene, &base, &found));
     }
@@ -160,23 +160,6 @@ pub fn known(record: &Record, rig: &Rig) -> Vec<Warning> {
     let amplitude = super::stated_amplitude::contradicted(&part, rig, &found);
     let contradicted = found.warnings.into_iter().filter(|w| w.id == super::known_quantities::CONTRADICTED);
     contradicted.chain(amplitude).collect()
-}
-
-/// Logarithm of a scale within which an effect may look like it.
-const NEAR: f64 = 0.3;
-
-/// Whether a scale that was searched for near the stated one is all that is wrong: a mistake leaves
-/// what the sensors' noise leaves, or is a number of counts that encoders have. What leaves more may
-/// be an effect, of which a scale takes a part.
-fn is_whole(scene: &Scene, found: &find::Finding) -> bool {
-    let undo::Undo::Scale(list, factor) = &found.undo else { return true };
-    let error = found.errors.first().map_or(0.0, |e| Z95 * e);
-    let channels = hypotheses::channels(scene);
-    let usual = |i: &usize| {
-        let near = |n: u32| COUNTS.iter().any(|c| (f64::from(*c) / f64::from(n) - factor).abs() <= error.max(1e-3));
-        channels[*i].counts_per_turn.is_some_and(near)
-    };
-    found.after.log <= 0.5 * CLEAN || factor.abs().ln().abs() > NEAR || list.iter().all(usual)
 }
 
 /// Whether it says what the rig file does: the number of counts that it has, to which a scale is so

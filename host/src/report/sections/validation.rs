@@ -142,8 +142,8 @@ fn sections(body: &mut Html, v: &Validation) {
                 fixed(s.tau, 3),
                 significant(t.distance, 2),
                 significant(t.p_value, 2),
-                t.points.to_string(),
-                t.records.to_string(),
+                t.block.to_string(),
+                t.permutations.to_string(),
             ];
             Some(cells.iter().map(|c| Html::text(c)).collect())
         })
