@@ -3,8 +3,8 @@
 //! With x what ought to be shown, f_k the laws of all effects on it and s_k their strengths, it
 //! shows y(t) = z(t − d), z = x + Σ_k s_k f_k(x, ẋ). A law that is a number times the rate alone is
 //! no addition but part of the delay d, which shifts the series as one that is band-limited
-//! ([`BandLimited`]). z is inverted by x ← z − Σ_k s_k f_k(x, ẋ) from x = z on, `INVERSIONS` times:
-//! where the additions' slope by x is at most g, g^`INVERSIONS` of them is left.
+//! ([`BandLimited`]). z is inverted by x ← z − Σ_k s_k f_k(x, ẋ) from x = z on: where the additions'
+//! slope by x is at most g, gⁿ of them is left after n times, until that is nothing.
 
 use crate::model::model_file::expression::{Expression, Node, Symbol, as_number, number, symbol};
 use crate::signal::band_limited::BandLimited;
@@ -12,8 +12,10 @@ use crate::signal::differences::{rate, rates};
 
 /// Samples to either side over which the rate of what is measured is taken: counts are coarse.
 const REACH: usize = 6;
-/// Times that laws are inverted: each leaves a share of the effect's own slope, far below a count.
-const INVERSIONS: usize = 3;
+/// Most times that laws are inverted, and the movement, as a share of the greatest value, at which
+/// they are: far below a count.
+const MOST_INVERSIONS: usize = 40;
+const STANDS_STILL: f64 = 1e-9;
 
 /// A series at even times.
 #[derive(Clone, Copy, Debug)]
@@ -93,12 +95,20 @@ pub fn taken_off(seen: &Samples<'_>, laws: &[Addition]) -> Vec<f64> {
     }
     let mut out = seen_at.clone();
     let moves = other.iter().all(|(law, _)| matches!(**law, Expression::Number(_)));
-    for _ in 0..if moves { 1 } else { INVERSIONS } {
+    let still = STANDS_STILL * seen_at.iter().fold(0.0_f64, |m, x| m.max(x.abs()));
+    let mut last = f64::INFINITY;
+    for _ in 0..if moves { 1 } else { MOST_INVERSIONS } {
         let before = out.clone();
         for (i, x) in out.iter_mut().enumerate() {
             let v = || rate(&before, i, REACH, seen.step_s);
             *x = seen_at[i] - other.iter().map(|(law, s)| s * added(law, before[i], v, seen.time(i))).sum::<f64>();
         }
+        let moved = out.iter().zip(&before).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        // A law as steep as what is shown has no inverse to be found so.
+        if moved <= still || moved >= last {
+            break;
+        }
+        last = moved;
     }
     out
 }

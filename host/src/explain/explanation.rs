@@ -110,6 +110,9 @@ pub struct Details {
     pub samples: usize,
     /// Length of a window, s.
     pub window_s: f64,
+    /// Length of the pieces by whose simulation the coefficients were fitted in the end, s; none
+    /// where they are those of the windows.
+    pub simulated_s: Option<f64>,
     /// Highest frequency of the test functions, Hz.
     pub max_frequency_hz: f64,
     /// Pass band of the low-pass, Hz.

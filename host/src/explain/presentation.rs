@@ -64,6 +64,14 @@ fn rests_on(e: &Explanation) -> String {
         );
         lines(&mut out, &f.steps);
     }
+    if let Some(piece_s) = e.details.simulated_s {
+        let _ = writeln!(
+            out,
+            "parameters are those by which simulations follow pieces of {} s: they foretell the rest of the record better than what windows of {} s tell",
+            shortest(rounded(piece_s, 3)),
+            shortest(rounded(e.details.window_s, 3))
+        );
+    }
     for f in &e.simulation {
         let _ = writeln!(
             out,

@@ -3,7 +3,10 @@
 //!
 //! Where the equations hold, shooting's standard errors are near the bound of Cramér and Rao, those
 //! of the weak form 2 to 80 times as large. Where they miss something, what is missing adds up
-//! along a piece, and the weak form, which weighs it where it acts, is the sounder start.
+//! along a piece, and the weak form, which weighs it where it acts, is the sounder start. A motion
+//! that nothing drives, or that follows measured inputs, can be followed over whole stretches: there
+//! the fit is taken whose standard errors are smaller, both being those of what is left along the
+//! record, whatever that is.
 
 use std::borrow::Cow;
 
@@ -95,10 +98,7 @@ pub(super) fn once(
     let why = missed(&first).or(why).or_else(|| found.as_ref().and_then(unsettled));
     match (found, why) {
         (Some(mut found), None) => {
-            let known: Vec<&str> = found.warnings.iter().map(|w| w.id).collect();
-            let further = first.warnings.drain(..).filter(|w| !known.contains(&w.id) && !OF_WEAK.contains(&w.id));
-            let further: Vec<_> = further.collect();
-            found.warnings.extend(further);
+            take_over(&mut found, first.warnings);
             Ok(found)
         }
         (found, why) => {
@@ -108,10 +108,33 @@ pub(super) fn once(
                 first.slips = shooting::slips(records, rig, weak, &first, progress).unwrap_or_default();
             }
             first.warnings.extend(more_left);
+            let whole = shooting::simulated(records, rig, weak, &first, progress).ok().flatten();
+            if let Some(mut found) = whole.filter(|found| mean_error(found) < mean_error(&first)) {
+                let further = first.warnings.into_iter().filter(|w| !says_missed(w));
+                take_over(&mut found, further.collect());
+                found.slips = first.slips;
+                return Ok(found);
+            }
             first.not_by_shooting = why;
             Ok(first)
         }
     }
+}
+
+/// Joins the weak form's warnings that hold of shooting as well.
+fn take_over(found: &mut Identification, warnings: Vec<Warning>) {
+    let known: Vec<&str> = found.warnings.iter().map(|w| w.id).collect();
+    let further = warnings.into_iter().filter(|w| !known.contains(&w.id) && !OF_WEAK.contains(&w.id));
+    let further: Vec<Warning> = further.collect();
+    found.warnings.extend(further);
+}
+
+/// The mean logarithm of the standard errors of the equations' coefficients: both are measured by
+/// how what is left scatters along the record, whatever it is.
+fn mean_error(found: &Identification) -> f64 {
+    let names = &found.correlation_names;
+    let of = |n: &String| found.parameter(n).map_or(0.0, |p| p.std_error.max(f64::MIN_POSITIVE).ln());
+    names.iter().map(of).sum::<f64>() / names.len().max(1) as f64
 }
 
 /// Whether a warning of the weak form says that the equations miss something.

@@ -64,6 +64,31 @@ impl OfTheRecord {
     }
 }
 
+impl OfTheRecord {
+    /// What a small error of each sensor becomes of its readings freed of all of it, rms dx/dy along
+    /// the stretches: a sensor that shows (1 + s) x has its noise divided by 1 + s with what it
+    /// shows, and what a model leaves is to be weighed by that. `noise`: of each sensor.
+    pub fn gains(&self, stretches: &[Stretch], bound: &ObservedModel, noise: &[f64]) -> Vec<f64> {
+        let mut gains = vec![1.0; noise.len()];
+        for (sensor, laws) in self.sensors.iter().filter(|(_, laws)| !laws.is_empty()) {
+            let (mut sum, mut count) = (0.0, 0_usize);
+            for s in stretches {
+                let shown = s.sensors(bound)[*sensor].clone();
+                let off: Vec<f64> = shown.iter().map(|y| y + noise[*sensor]).collect();
+                let of = |values: &[f64]| {
+                    on_a_record::taken_off(&Samples { values, start_s: s.start_s, step_s: s.step_s }, laws)
+                };
+                let moved = of(&off).into_iter().zip(of(&shown)).map(|(a, b)| ((a - b) / noise[*sensor]).powi(2));
+                sum += moved.sum::<f64>();
+                count += shown.len();
+            }
+            let gain = (sum / count.max(1) as f64).sqrt();
+            gains[*sensor] = if gain.is_finite() && gain > 0.0 { gain } else { 1.0 };
+        }
+        gains
+    }
+}
+
 /// The phase of a drive that runs ahead of what is recorded.
 fn advanced(s: &Stretch, laws: &[Addition]) -> Phase {
     let turns = (0..s.len()).map(|i| {

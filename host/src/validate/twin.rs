@@ -8,6 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::comparisons::Beginning;
+use crate::identify::input_noise;
 use crate::identify::remeasured::Sensors;
 use crate::identify::stretches::mixed;
 use crate::model::flow::{Flow, Outside, Work};
@@ -30,7 +31,7 @@ pub struct Twin<'a> {
 
 impl Twin<'_> {
     /// `count` samples from where a stretch begins, which is at `outside`'s origin; inputs are the
-    /// stretch's. None where the equations have no solution that far.
+    /// stretch's, recorded with their noise once more. None where the equations have no solution that far.
     pub fn record(
         &self,
         starts: &Starts<'_>,
@@ -54,6 +55,8 @@ impl Twin<'_> {
             return None;
         }
         let shown = mixed(&bound.shown, &coordinates);
+        let mut recorded = stretch.clone();
+        input_noise::disturb(&mut recorded, &noise.inputs, 1.0, seed, 0);
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         let mut channels = like.channels.clone();
         if let Some(c) = bound.base.and_then(|k| bound.inputs.get(k)).and_then(|&i| channels.get_mut(i)) {
@@ -66,7 +69,7 @@ impl Twin<'_> {
             .map(|(i, c)| {
                 let scale = c.scale();
                 if let Some(input) = bound.inputs.iter().position(|s| *s == i) {
-                    return Column::Values(stretch.inputs[input].iter().take(count).map(|u| u / scale).collect());
+                    return Column::Values(recorded.inputs[input].iter().take(count).map(|u| u / scale).collect());
                 }
                 let Some(sensor) = bound.sensors.iter().position(|s| *s == i) else {
                     return Column::Values(vec![0.0; count]);

@@ -5,18 +5,21 @@
 //! the model runs on freely until any sensor's angle is off by 30°; the median time over the
 //! windows. *Poincaré section*: the record at each period of the drive, as points (cos, sin of each
 //! sensor's angle, its velocity over its scatter), beside those of some records of the model itself
-//! from the record's first state, as the same sensors show them
-//! ([`crate::validate::energy_distance`]).
+//! from the record's first state, with coefficients as they may be by their covariance, as the same
+//! sensors show them ([`crate::validate::energy_distance`]): a record is as far from the model that
+//! was fitted to it as another of the same system would be.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
+use statrs::distribution::{ContinuousCDF, Normal};
 
 use super::prediction::Predictions;
 use super::setting::Setting;
 use super::shooting::MOST_SAMPLES;
 use super::state::State;
+use crate::identify::remeasured::Sensors;
 use crate::identify::stretches::Stretch;
 use crate::validate::energy_distance::{MOST_PERIODS, RECORDS, among};
 
@@ -43,13 +46,19 @@ pub struct Attractor {
     pub section_p_value: Option<f64>,
 }
 
-/// Measures a model with coefficients `x`; none where something does not turn or nothing can be
+/// Measures a model with coefficients `x` of some covariance; none where something does not turn or nothing can be
 /// predicted.
-pub fn measure(setting: &Setting<'_>, state: &State, x: &DVector<f64>, how: Predictions<'_>) -> Option<Attractor> {
+pub fn measure(
+    setting: &Setting<'_>,
+    state: &State,
+    (x, covariance): (&DVector<f64>, &DMatrix<f64>),
+    how: Predictions<'_>,
+) -> Option<Attractor> {
     if !setting.circle.iter().all(|c| *c) {
         return None;
     }
     let moving = state.free_motion_of(setting, x, 0)?;
+    let drawn = drawn(setting, state, x, covariance)?;
     let model = moving.model(how.step_s);
     let tolerance = vec![TOLERANCE_DEG.to_radians(); setting.bound.sensors.len()];
     state.on_free_track(setting, moving.hidden.clone(), |track| {
@@ -61,8 +70,8 @@ pub fn measure(setting: &Setting<'_>, state: &State, x: &DVector<f64>, how: Pred
             let whole = (MOST_PERIODS * period_s / stretch.step_s).ceil() as usize + 1;
             let count = stretch.len().min(whole).min(MOST_SAMPLES);
             let step_s = how.step_s.unwrap_or(0.0).max(period_s / STEPS);
-            let made = model.made(track, (longest, count), how.horizon_s, step_s, RECORDS)?;
-            let clouds = sections(setting, stretch, count, made)?;
+            let made = model.made(track, (longest, count), how.horizon_s, step_s, &drawn)?;
+            let clouds = sections(setting, &state.sensors(setting), stretch, count, made)?;
             among(&clouds[0], &clouds[1..])
         });
         Some(Attractor {
@@ -73,12 +82,25 @@ pub fn measure(setting: &Setting<'_>, state: &State, x: &DVector<f64>, how: Pred
     })
 }
 
+/// Values of the parameters of its equations for coefficients as they may be.
+fn drawn(setting: &Setting<'_>, state: &State, x: &DVector<f64>, covariance: &DMatrix<f64>) -> Option<Vec<Vec<f64>>> {
+    let root = covariance.clone().symmetric_eigen();
+    let scatter = root.eigenvalues.map(|v| v.max(0.0).sqrt());
+    let mut rng = ChaCha8Rng::seed_from_u64(SEED);
+    let mut of = || {
+        let z = scatter.map(|s| s * Normal::standard().inverse_cdf(rng.random_range(1e-12..1.0)));
+        Some(state.free_motion_of(setting, &(x + &root.eigenvectors * z), 0)?.parameters)
+    };
+    (0..RECORDS).map(|_| of()).collect()
+}
+
 /// Points of a section: cos, sin and velocity of each angle.
 type Cloud = Vec<Vec<f64>>;
 
 /// Sections of the first `count` samples of a stretch and of as many of records that were `made`.
 fn sections(
     setting: &Setting<'_>,
+    sensors: &Sensors,
     stretch: &Stretch,
     count: usize,
     mut made: Vec<Vec<Vec<f64>>>,
@@ -87,7 +109,7 @@ fn sections(
     let part = |i: usize| (stretch.tau(i) / core::f64::consts::TAU).rem_euclid(1.0);
     let crossings: Vec<usize> = (1..count).filter(|&i| part(i) < part(i - 1)).collect();
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);
-    for (k, (grid, sigma)) in setting.sensors.count.iter().zip(&setting.sensors.sigma).enumerate() {
+    for (k, (grid, sigma)) in sensors.count.iter().zip(&sensors.sigma).enumerate() {
         let half = sigma * 3_f64.sqrt();
         let mut shown = |x: &mut f64| match grid {
             Some(q) => *x = ((*x / q).floor() + 0.5) * q,

@@ -3,6 +3,7 @@
 //! ([`crate::identify::shooting`]).
 
 use super::prediction::motion_power;
+use crate::identify::shooting::longer::GROWN;
 use crate::identify::shooting::problem::Piece;
 use crate::identify::shooting::solve::{Bounds, Start, minimise};
 use crate::identify::track::Track;
@@ -20,9 +21,6 @@ const PERIOD_SAMPLES: f64 = 200.0;
 /// stops.
 const ROUNDS: usize = 16;
 const TOLERANCE: f64 = 1e-2;
-/// Growth of an initial error over a record up to which one simulation follows it: that of swings
-/// whose frequency depends on their size stays below, chaos is beyond in ten to twenty periods.
-const GROWN: f64 = 100.0;
 /// Share of what a sensor shows to which solutions are exact.
 const EXACT: f64 = 1e-4;
 
@@ -137,6 +135,15 @@ struct Fitted {
     step_s: f64,
 }
 
+/// Bounds of parameters by their signs (0: either; NaN: as it is).
+pub fn bounds(signs: &[f64], parameters: &[f64]) -> Bounds {
+    let of = |(s, p): (&f64, &f64)| match *s {
+        s if s.is_nan() => [*p, *p],
+        s => [if s > 0.0 { 0.0 } else { f64::NEG_INFINITY }, if s < 0.0 { 0.0 } else { f64::INFINITY }],
+    };
+    signs.iter().zip(parameters).map(of).collect()
+}
+
 /// Such a fit from sample `first` of a stretch on.
 fn fitted(
     motion: &EquationsOfMotion,
@@ -158,14 +165,7 @@ fn fitted(
     if left > motion_power(&piece, track) {
         return None;
     }
-    let bounds: Bounds = signs
-        .iter()
-        .zip(parameters)
-        .map(|(s, p)| match *s {
-            s if s.is_nan() => [*p, *p],
-            s => [if s > 0.0 { 0.0 } else { f64::NEG_INFINITY }, if s < 0.0 { 0.0 } else { f64::INFINITY }],
-        })
-        .collect();
+    let bounds = bounds(signs, parameters);
     let start = Start { parameters, states: vec![state] };
     let fit = minimise(&problem, &[piece], start, &bounds, TOLERANCE, ROUNDS, &mut || {})?;
     let (whole, _) = track.piece(split.stretch, first, split.end - first)?;

@@ -123,7 +123,7 @@ pub fn take(setting: &Setting<'_>, state: &mut State, model: &IdentifiedModel) -
         state.chosen.push(joined);
     }
     state.nominal = state.chosen.len();
-    state.stretches = state.taken_off(setting, &setting.raw);
+    state.take_off(setting);
     Ok(())
 }
 

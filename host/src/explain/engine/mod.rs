@@ -23,6 +23,7 @@
 //! | `moved_forms` | shape parameters between those of the grid |
 //! | `evidence` | one fit and one choice over either |
 //! | `simulation` | free runs beyond what was fitted |
+//! | `last_fit` | coefficients by simulations as long as tell the most |
 //! | `given` | a model to start from or to predict with |
 //! | `prediction` | the gap, free runs |
 //! | `compared` | the gap as one picture |
@@ -52,6 +53,7 @@ mod forecast;
 mod frames;
 mod free_run;
 pub mod given;
+mod last_fit;
 mod memory;
 mod moved_forms;
 mod offered;
@@ -232,6 +234,7 @@ fn start(setting: &Setting<'_>, first: &Identification, physical: Physical) -> O
         nominal: chosen.len(),
         chosen,
         stretches: setting.raw.clone(),
+        gains: vec![1.0; setting.bound.sensors.len()],
         relaxation: relaxation::Relaxation::default(),
         moved_in_vain: Vec::new(),
         followed: None,

@@ -50,11 +50,12 @@ fn alone(residuals: &[Option<f64>]) -> Vec<usize> {
 /// All of them where the motion was followed; none where there are too many, or much else is left.
 pub fn find(setting: &Setting<'_>, state: &State) -> Vec<Outlier> {
     let Some(settled) = state.followed.as_ref().and_then(|f| f.settled(setting)) else { return Vec::new() };
+    let sensors = state.sensors(setting);
     let (mut all, mut theirs, mut above) = (Vec::new(), 0.0, 0.0);
     for (k, stretch) in state.stretches.iter().enumerate() {
         let states: Vec<Option<Vec<f64>>> = (0..stretch.len()).map(|i| settled.at(k, i)).collect();
         for (sensor, shown) in stretch.sensors(&setting.bound).iter().enumerate() {
-            let sigma = setting.sensors.sigma[sensor];
+            let sigma = sensors.sigma[sensor];
             let weights = setting.bound.shown.row(sensor);
             let expected = |x: &Vec<f64>| weights.iter().zip(x).map(|(w, q)| w * q).sum::<f64>();
             let left: Vec<Option<f64>> =

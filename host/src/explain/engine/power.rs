@@ -68,7 +68,8 @@ impl Repeats {
         let kernels = &setting.geometry.kernels;
         let system = System { stretches: &state.stretches, weak: &weak, kernels, circle: &setting.circle };
         let (truth, _) = smoothed(&system, &setting.geometry.windows);
-        let measured = (0..REPEATS).map(|r| repeat(&truth, r, &setting.bound, &setting.sensors)).collect();
+        let sensors = state.sensors(setting);
+        let measured = (0..REPEATS).map(|r| repeat(&truth, r, &setting.bound, &sensors)).collect();
         Ok(Self { truth, measured })
     }
 }
@@ -184,14 +185,15 @@ fn on_its_own(
     let weak = WeakForm::new(setting.model(), setting.rig.omega(), &[]).ok()?;
     let kernels = &setting.geometry.kernels;
     let system = System { stretches: &state.stretches, weak: &weak, kernels, circle: &setting.circle };
-    let cells = cells(&setting.sensors.sigma);
+    let sensors = state.sensors(setting);
+    let cells = cells(&sensors.sigma);
     let motions = chain_bias::motions(&equations, &parameters, &system, &setting.geometry.windows, setting.rig, cells)?;
     let d = candidate.strengths();
     let columns: Vec<usize> = (0..state.own_columns() + d).collect();
     let mut sum = DVector::zeros(d);
     let mut windows = 0;
     for r in 0..REPEATS {
-        let seen = repeat(&motions, r, &setting.bound, &setting.sensors);
+        let seen = repeat(&motions, r, &setting.bound, &sensors);
         let design = design::build(setting, state, &seen, &[candidate]).ok()?;
         let x = ranking::fit_some(&design, &columns, weights, |_| true)?;
         sum += x.rows(x.len() - d, d);

@@ -274,16 +274,17 @@ impl Model<'_> {
             .collect()
     }
 
-    /// What the sensors show over the first `count` samples of a stretch of so many records that the
-    /// model itself makes, each from a state that their noise does not tell from the record's, with
-    /// steps of `step_s`: in chaos they part. None where one has no solution.
+    /// What the sensors show over the first `count` samples of a stretch of records that the model
+    /// itself makes with each of some values of its parameters, from states that their noise does
+    /// not tell from the record's, with steps of `step_s`: in chaos they part. None where one has no
+    /// solution.
     pub fn made(
         &self,
         track: &Track<'_>,
         (stretch, count): (usize, usize),
         horizon_s: f64,
         step_s: f64,
-        records: usize,
+        parameters: &[Vec<f64>],
     ) -> Option<Vec<Vec<Vec<f64>>>> {
         let (piece, guess) = track.piece(stretch, 0, count)?;
         let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
@@ -294,7 +295,7 @@ impl Model<'_> {
         let (state, _) = problem.fit_state(&head, &guess, self.parameters, &levels, &mut problem.room(false))?;
         let n = self.motion.degrees_of_freedom();
         let noise = track.sigma.iter().copied().fold(f64::INFINITY, f64::min);
-        let of = |record: usize| {
+        let of = |(record, parameters): (usize, &Vec<f64>)| {
             let mut rng = ChaCha8Rng::seed_from_u64(record as u64);
             let mut begin = state.clone();
             for (k, x) in begin.iter_mut().take(2 * n).enumerate() {
@@ -302,7 +303,7 @@ impl Model<'_> {
                 let size = if k < n { noise } else { noise / horizon_s };
                 *x += size * rng.random_range(-1.0..1.0);
             }
-            let left = problem.residuals(&piece, &begin, self.parameters)?;
+            let left = problem.residuals(&piece, &begin, parameters)?;
             let sensors = track.sensors.len();
             let of = |k: usize| {
                 let both = left.iter().zip(&piece.measured).skip(k).step_by(sensors);
@@ -310,7 +311,7 @@ impl Model<'_> {
             };
             Some((0..sensors).map(of).collect())
         };
-        (0..records).into_par_iter().map(of).collect()
+        parameters.par_iter().enumerate().map(of).collect()
     }
 }
 

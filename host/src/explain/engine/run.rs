@@ -3,19 +3,22 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::last_fit::LastFit;
 use super::power::Repeats;
 use super::prediction::{Predictions, Range};
 use super::residual_map::{Map, Where};
 use super::setting::Setting;
+use super::simulation::OfWindows;
 use super::state::State;
 use super::{
-    Outcome, attractor, cautions, compared, forecast, given, outliers, patched, prediction, residual, shooting,
-    simulation, tell, units, unknown,
+    Outcome, attractor, cautions, compared, forecast, given, last_fit, outliers, patched, prediction, residual,
+    shooting, simulation, tell, units, unknown,
 };
 use crate::error::Result;
 use crate::explain::decidability::{EXPLAINED_GAP, Left};
 use crate::explain::explanation::{AtHorizon, Details, Explanation, Found, Step, Verdict};
-use crate::explain::{Settings, Undecidable, decidability, decision, ranking};
+use crate::explain::ranking::{self, FOLDS};
+use crate::explain::{Settings, Undecidable, decidability, decision};
 use crate::identify::Identification;
 use crate::identify::stretches::Stretch;
 
@@ -50,15 +53,21 @@ pub struct Told {
     first: Option<First>,
 }
 
+/// Coefficients and their covariance.
+type Fit = (DVector<f64>, DMatrix<f64>);
+
 /// The fitted model before anything was added.
 #[derive(Clone)]
 struct First {
     state: State,
-    /// Coefficients of all windows, their covariance, and coefficients of the windows that
-    /// predictions are made without.
-    fit: (DVector<f64>, DMatrix<f64>, DVector<f64>),
+    /// What all windows tell.
+    windows: OfWindows,
+    /// Coefficients of the windows that predictions are made without.
+    train: DVector<f64>,
     /// What it leaves in every window of shooting.
     powers: Vec<f64>,
+    /// Whether simulations foretell better than windows.
+    foretells: bool,
 }
 
 impl<'a> Run<'a> {
@@ -79,6 +88,7 @@ impl<'a> Run<'a> {
         result.details = Details {
             samples: setting.raw.iter().map(Stretch::len).sum(),
             window_s,
+            simulated_s: None,
             max_frequency_hz: setting.geometry.windows.frequencies as f64 / setting.geometry.windows.length_s,
             pass_hz: setting.geometry.kernels.full.pass_hz,
             noise_rad: setting.sensors.sigma.clone(),
@@ -147,8 +157,16 @@ impl<'a> Run<'a> {
         Predictions { horizon_s: *horizon_s, longest_s: *longest_s, held_out, step_s: self.step_s() }
     }
 
-    fn attractor(&mut self, x: &DVector<f64>) {
-        let found = attractor::measure(&self.setting, &self.told.state, x, self.predictions());
+    /// Free runs: [`simulation::measure`].
+    fn simulate(&mut self, outcome: &Outcome, added: Option<String>) -> bool {
+        simulation::measure(&self.setting, &self.told.state, outcome, added, &mut self.told.result.simulation)
+    }
+
+    fn attractor(&mut self, outcome: &Outcome) {
+        // Fitted to the windows that are not held out.
+        let covariance = outcome.covariance() * (FOLDS as f64 / (FOLDS - 1) as f64);
+        let fit = (&outcome.fit.train, &covariance);
+        let found = attractor::measure(&self.setting, &self.told.state, fit, self.predictions());
         self.told.result.gap.attractor.extend(found);
     }
 
@@ -190,11 +208,12 @@ impl<'a> Run<'a> {
         if self.told.result.effects.is_empty() {
             self.told.result.residual_power[0] = self.told.result.residual_power[1];
             (self.told.result.maps, self.told.result.r#where) = self.places(outcome);
-            let fit = (outcome.fit.all.clone(), outcome.covariance(), outcome.fit.train.clone());
-            self.told.first = Some(First { state: self.told.state.clone(), fit, powers: outcome.powers() });
+            let (state, train, powers) = (self.told.state.clone(), outcome.fit.train.clone(), outcome.powers());
+            let windows = OfWindows::new(outcome);
             self.told.before = self.longer(&outcome.fit.train);
-            self.attractor(&outcome.fit.train);
-            simulation::measure(&self.setting, &self.told.state, outcome, added, &mut self.told.result.simulation);
+            self.attractor(outcome);
+            let foretells = self.simulate(outcome, added);
+            self.told.first = Some(First { windows, state, train, powers, foretells });
             let shown = self.shows_slips(outcome);
             let before = self.told.result.slips_show;
             self.told.result.slips_show = shown.map(|s| s || before == Some(true));
@@ -205,7 +224,7 @@ impl<'a> Run<'a> {
     /// Whether slips of counts show; none where the model follows no windows.
     fn shows_slips(&self, outcome: &Outcome) -> Option<bool> {
         let ground = outcome.evidence.is_shooting().then(|| shooting::Ground::new(&self.setting, &self.told.state))?;
-        ground?.shows_slips(&self.setting.sensors.count)
+        ground?.shows_slips(&self.told.state.sensors(&self.setting).count)
     }
 
     /// Tells the last step as it is in other windows than before.
@@ -252,16 +271,26 @@ impl<'a> Run<'a> {
         Ok(())
     }
 
+    /// Coefficients with their covariance as they are told, and the length of the pieces that they are
+    /// simulated over, s, where they are.
+    fn last_fit(&self, state: &State, windows: OfWindows, foretells: bool) -> (Fit, Option<f64>) {
+        let last = last_fit::last_fit(&self.setting, state, &windows, foretells);
+        let piece_s = last.as_ref().map(|l| l.piece_s);
+        (last.map_or((windows.x, windows.covariance), LastFit::fitted), piece_s)
+    }
+
     /// What the first model has beside the last one with coefficients `x`: its parameters, and
     /// predictions of the same seconds by both.
-    fn compare(&mut self, identified: &Identification, x: &DVector<f64>) {
-        let Some(First { state, fit, .. }) = self.told.first.take() else { return };
+    fn compare(&mut self, identified: &Identification, x: &DVector<f64>, last: &Fit) {
+        let Some(First { state, windows, train, foretells, .. }) = self.told.first.take() else { return };
         let mut told = Explanation::new(self.told.horizons.0, Vec::new());
+        let none = self.told.result.effects.is_empty();
+        let fit = if none { last.clone() } else { self.last_fit(&state, windows, foretells).0 };
         tell::parameters(&self.setting, &state, (&fit.0, &fit.1), identified, &mut told);
         self.told.result.parameters_before = told.parameters;
-        let after = (!self.told.result.effects.is_empty()).then_some((&self.told.state, x));
+        let after = (!none).then_some((&self.told.state, x));
         let holds_s = self.told.result.gap.attractor.last().map(|a| a.prediction_horizon_s);
-        let (before, how) = ((&state, &fit.2), self.predictions());
+        let (before, how) = ((&state, &train), self.predictions());
         self.told.result.prediction = compared::compare(&self.setting, before, after, how, holds_s);
     }
 
@@ -304,22 +333,25 @@ impl<'a> Run<'a> {
         let both = self.told.before.iter().zip(&after);
         let of = |(b, a): (&(f64, f64), &(f64, f64))| AtHorizon { horizon_s: b.0, before: b.1, after: a.1 };
         self.told.result.gap.horizons = both.map(of).collect();
+        let mut foretells = self.told.first.as_ref().is_some_and(|f| f.foretells);
         if !none {
-            self.attractor(x);
+            self.attractor(outcome);
             let after = self.places(outcome);
             self.told.result.maps_before = core::mem::replace(&mut self.told.result.maps, after.0);
             self.told.result.where_before = core::mem::replace(&mut self.told.result.r#where, after.1);
             let added = self.told.result.effects.last().map(Found::name);
-            simulation::measure(&self.setting, &self.told.state, outcome, added, &mut self.told.result.simulation);
+            foretells = self.simulate(outcome, added);
         }
         let by_shooting = outcome.evidence.is_shooting();
         let remade = by_shooting.then(|| shooting::remade(&self.setting, &self.told.state)).flatten();
         let left_out = remade.as_ref().map_or(0, |r| self.leave_out(outcome, &r.follows));
-        self.compare(first, x);
+        let (last, simulated_s) = self.last_fit(&self.told.state, OfWindows::new(outcome), foretells);
+        self.told.result.details.simulated_s = simulated_s;
+        self.compare(first, x, &last);
         let gaps = self.gaps_of_itself(x);
         let noisy = if remade.as_ref().is_some_and(|r| r.of_inputs) { self.noisy_inputs() } else { Vec::new() };
         let Self { setting, told: Told { state, mut result, .. } } = self;
-        tell::parameters(&setting, &state, (&outcome.fit.all, &outcome.covariance()), first, &mut result);
+        tell::parameters(&setting, &state, (&last.0, &last.1), first, &mut result);
         result.warnings.extend(cautions::at_bounds(&state, &result));
         let shape = (by_shooting && undecidable.is_none()).then(|| unknown::shape(&setting, &state, outcome)).flatten();
         let rest = Left {

@@ -258,7 +258,7 @@ impl Run<'_> {
             search.traces.push(gone.clone());
             self.told.result.refuse([refused.clone()]);
             search.refused.push(refused);
-            self.told.state.stretches = self.told.state.taken_off(&self.setting, &self.setting.raw);
+            self.told.state.take_off(&self.setting);
             let candidates = offered::candidates(&self.setting, &self.told.state);
             let Ok(without) = refit(&self.setting, &mut self.told.state, candidates) else {
                 // What cannot be fitted without it stays.

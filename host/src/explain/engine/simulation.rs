@@ -1,13 +1,13 @@
 //! Free runs: the model fitted to the beginning of the longest stretch and continued to its end
 //! without touching the state.
 //!
-//! Fitted by the windows of shooting that lie in the beginning, with a state from the last of them;
-//! where there are too few, by simulation to all of it.
+//! Fitted by the windows of shooting that lie in the beginning, with a state from the last of them,
+//! and by simulation to all of it; what foretells the rest better is told.
 //!
 //! Of systems that are free or follow measured inputs; what a drive keeps moving may be chaotic,
 //! and no simulation follows it.
 
-use nalgebra::DVector;
+use nalgebra::{DMatrix, DVector};
 use serde::Serialize;
 
 use super::evidence::Outcome;
@@ -57,18 +57,20 @@ pub fn open(setting: &Setting<'_>) -> Vec<Simulation> {
 }
 
 /// A model as it is simulated: of the record of the longest stretch.
-struct Simulated {
+pub(super) struct Simulated {
     stretch: usize,
     /// Sample of it at which windows begin.
-    begin: usize,
-    moving: Moving,
+    pub begin: usize,
+    /// Its equations.
+    pub moving: Moving,
     /// Sign of each parameter: 0 either, NaN as it is.
-    signs: Vec<f64>,
+    pub signs: Vec<f64>,
 }
 
 impl Simulated {
-    fn new(setting: &Setting<'_>, state: &State, x: &DVector<f64>) -> Option<Self> {
-        let stretch = (0..state.stretches.len()).max_by_key(|&k| (state.stretches[k].len(), usize::MAX - k))?;
+    /// Of a model with coefficients `x`.
+    pub fn new(setting: &Setting<'_>, state: &State, x: &DVector<f64>) -> Option<Self> {
+        let stretch = longest(state)?;
         let record = setting.record_of.get(stretch).copied().unwrap_or(0);
         let moving = state.free_motion_of(setting, x, record)?;
         let own = setting.model().coefficients();
@@ -92,6 +94,59 @@ impl Simulated {
     }
 }
 
+/// What windows tell of a model: its coefficients with their covariance.
+#[derive(Clone)]
+pub struct OfWindows {
+    /// Coefficients.
+    pub x: DVector<f64>,
+    /// Their covariance.
+    pub covariance: DMatrix<f64>,
+}
+
+impl OfWindows {
+    /// Of a fit.
+    pub fn new(outcome: &Outcome) -> Self {
+        Self { x: outcome.fit.all.clone(), covariance: outcome.covariance() }
+    }
+}
+
+/// The longest stretch.
+fn longest(state: &State) -> Option<usize> {
+    (0..state.stretches.len()).max_by_key(|&k| (state.stretches[k].len(), usize::MAX - k))
+}
+
+impl Simulated {
+    /// Parameters from the windows in what is fitted, and the rms error of what follows.
+    fn by_windows(
+        &self,
+        setting: &Setting<'_>,
+        state: &State,
+        until: Option<DVector<f64>>,
+        split: Split,
+    ) -> Option<(Vec<f64>, f64)> {
+        let record = setting.record_of.get(self.stretch).copied().unwrap_or(0);
+        let window = state.followed.as_ref().map_or(split.end / 8, |f| f.samples());
+        let x = until?;
+        let Moving { equations, parameters, hidden } = state.free_motion_of(setting, &x, record)?;
+        let run = |t: &Track<'_>| free_run::run(&equations, &parameters, t, split, window);
+        state.on_free_track(setting, hidden, run).map(|error| (parameters, error))
+    }
+
+    /// The same by one simulation of it.
+    fn by_simulation(&self, setting: &Setting<'_>, state: &State, split: Split) -> Option<(Vec<f64>, f64)> {
+        let Moving { equations, parameters, hidden } = &self.moving;
+        let simulate = |t: &Track<'_>| free_run::simulate(equations, parameters, &self.signs, t, split);
+        state.on_free_track(setting, hidden.clone(), simulate)
+    }
+
+    /// Where a share of its stretch is fitted.
+    fn split(&self, state: &State, fitted: f64) -> Split {
+        let samples = state.stretches[self.stretch].len();
+        let fitted = (fitted * samples as f64) as usize;
+        Split { stretch: self.stretch, begin: self.begin, fitted, end: samples }
+    }
+}
+
 /// What one simulation of the whole longest stretch leaves, in units of the noise's power, and its
 /// values, where it was followed to its end; none under a drive or measured inputs. Windows have an
 /// initial state each: what shows in how a motion goes on from one to the next they do not see.
@@ -105,16 +160,22 @@ pub fn left_of_whole(setting: &Setting<'_>, state: &State, outcome: &Outcome) ->
     state.on_free_track(setting, hidden, left)
 }
 
-/// Measures a step.
-pub fn measure(setting: &Setting<'_>, state: &State, outcome: &Outcome, added: Option<String>, all: &mut [Simulation]) {
+/// Measures a step; whether simulations of the beginning foretell the rest better than its windows
+/// do, wherever both do.
+pub fn measure(
+    setting: &Setting<'_>,
+    state: &State,
+    outcome: &Outcome,
+    added: Option<String>,
+    all: &mut [Simulation],
+) -> bool {
     if all.is_empty() {
-        return;
+        return false;
     }
-    let Some(simulated) = Simulated::new(setting, state, &outcome.fit.all) else { return };
-    let Simulated { stretch, begin, moving: Moving { equations, parameters, hidden }, signs } = simulated;
-    let record = setting.record_of.get(stretch).copied().unwrap_or(0);
+    let Some(simulated) = Simulated::new(setting, state, &outcome.fit.all) else { return false };
+    let mut foretells = true;
     let own = setting.model().coefficients();
-    let names = equations.coefficients();
+    let names = simulated.moving.equations.coefficients();
     let unit = Unit::of(setting.rig, setting.whole);
     let told_name = |name: &String| -> String {
         let chosen = name.split_once(' ').and_then(|(a, b)| Some((state.chosen.get(a.parse::<usize>().ok()?)?, b)));
@@ -123,24 +184,24 @@ pub fn measure(setting: &Setting<'_>, state: &State, outcome: &Outcome, added: O
             _ => name.clone(),
         }
     };
-    let samples = state.stretches[stretch].len();
-    let window = state.followed.as_ref().map_or(samples / 8, |f| f.samples());
     for simulation in all {
-        let split = Split { stretch, begin, fitted: (simulation.fitted * samples as f64) as usize, end: samples };
-        let by_windows = outcome.until(stretch, split.fitted).and_then(|x| {
-            let Moving { equations, parameters, hidden } = state.free_motion_of(setting, &x, record)?;
-            let run = |t: &Track<'_>| free_run::run(&equations, &parameters, t, split, window);
-            state.on_free_track(setting, hidden, run).map(|error| (parameters, error))
-        });
-        let simulate = |t: &Track<'_>| free_run::simulate(&equations, &parameters, &signs, t, split);
-        let found = by_windows.or_else(|| state.on_free_track(setting, hidden.clone(), simulate));
+        let split = simulated.split(state, simulation.fitted);
+        let until = outcome.until(split.stretch, split.fitted);
+        let by_windows = simulated.by_windows(setting, state, until, split);
+        // What follows states of effects as well takes long, for shapes that stay as they are.
+        let worthwhile = by_windows.is_none() || simulated.moving.hidden.is_empty();
+        let by_simulation = if worthwhile { simulated.by_simulation(setting, state, split) } else { None };
+        let error = |of: &Option<(Vec<f64>, f64)>| of.as_ref().map_or(f64::INFINITY, |f| f.1);
+        foretells &= by_simulation.is_some() && error(&by_simulation) <= error(&by_windows);
+        let found = by_windows.into_iter().chain(by_simulation).min_by(|a, b| a.1.total_cmp(&b.1));
         let value = found.as_ref().map_or(f64::NAN, |(_, error)| error * unit.factor);
         simulation.steps.push(Step { added: added.clone(), value });
         // What refines a shape is no coefficient: its sign is no number.
-        let all = names.iter().zip(&signs);
+        let all = names.iter().zip(&simulated.signs);
         simulation.parameters = found.map_or_else(Vec::new, |(p, _)| {
             let told = all.zip(p).filter(|((_, sign), _)| !sign.is_nan());
             told.map(|((name, _), value)| Coefficient { name: told_name(name), value }).collect()
         });
     }
+    foretells
 }

@@ -10,6 +10,7 @@ use super::prediction::Model;
 use super::relaxation::Relaxation;
 use super::setting::{Physical, Setting};
 use super::shooting::Followed;
+use crate::identify::remeasured::Sensors;
 use crate::identify::stretches::Stretch;
 use crate::identify::taken_off::OfTheRecord;
 use crate::identify::track::{ExogenousInputs, Track};
@@ -104,6 +105,8 @@ pub struct State {
     pub nominal: usize,
     /// The record with sensor effects found so far taken off.
     pub stretches: Vec<Stretch>,
+    /// What that makes of each sensor's noise ([`OfTheRecord::gains`]).
+    pub gains: Vec<f64>,
     /// The motion that shooting is linearised about.
     pub followed: Option<Followed>,
     /// How far the system's parameters go from round to round of a fit.
@@ -165,8 +168,25 @@ impl State {
             at += k.strengths.len();
         }
         if applied {
-            self.stretches = self.taken_off(setting, &setting.raw);
+            self.take_off(setting);
         }
+    }
+
+    /// Reads the record again with the sensor effects so far taken off.
+    pub fn take_off(&mut self, setting: &Setting<'_>) {
+        let all = self.of_the_record();
+        self.stretches = setting.raw.iter().map(|s| all.taken_off(s, &setting.bound)).collect();
+        self.gains = all.gains(&setting.raw, &setting.bound, &setting.sensors.sigma);
+    }
+
+    /// The sensors that show the record as it is read now.
+    pub fn sensors(&self, setting: &Setting<'_>) -> Sensors {
+        let mut out = setting.sensors.clone();
+        for (k, gain) in self.gains.iter().enumerate() {
+            out.sigma[k] *= gain;
+            out.count[k] = out.count[k].map(|q| q * gain);
+        }
+        out
     }
 
     /// Whether what is taken off the record moved by more than a share of its standard error: its
@@ -181,8 +201,8 @@ impl State {
         })
     }
 
-    /// Stretches with the sensor effects so far taken off.
-    pub fn taken_off(&self, setting: &Setting<'_>, raw: &[Stretch]) -> Vec<Stretch> {
+    /// What the effects so far change of the record.
+    fn of_the_record(&self) -> OfTheRecord {
         let mut all = OfTheRecord::default();
         for k in &self.chosen {
             let with_strengths =
@@ -197,7 +217,7 @@ impl State {
                 all.phase(with_strengths(laws));
             }
         }
-        raw.iter().map(|s| all.taken_off(s, &setting.bound)).collect()
+        all
     }
 
     /// The model's equations of motion at the coefficients `x` (the equations' own, then strengths)
@@ -337,7 +357,7 @@ impl State {
 
     /// The record as pieces without what acts on them: for its sensors and their noise alone.
     pub fn undriven_track<'a>(&'a self, setting: &'a Setting<'_>) -> Track<'a> {
-        Track::new(self.predicted(setting), &[], setting.rig, &setting.bound, &setting.sensors)
+        Track::new(self.predicted(setting), &[], setting.rig, &setting.bound, &self.sensors(setting))
     }
 
     /// Calls with the record as pieces for predictions.
@@ -348,7 +368,8 @@ impl State {
             self.predicted(setting).iter().map(|s| ExogenousInputs::remembering(s, omega, &numbers)).collect();
         let settled = self.followed.as_ref().and_then(|f| f.settled(setting));
         let known = |stretch, sample| settled.as_ref()?.at(stretch, sample);
-        let track = Track::new(self.predicted(setting), &exogenous, setting.rig, &setting.bound, &setting.sensors);
+        let track =
+            Track::new(self.predicted(setting), &exogenous, setting.rig, &setting.bound, &self.sensors(setting));
         then(&track.knowing(&known))
     }
 
@@ -363,6 +384,6 @@ impl State {
         let omega = setting.rig.drive.map_or(0.0, |_| setting.rig.omega());
         let stretches = self.predicted(setting);
         let exogenous: Vec<ExogenousInputs> = stretches.iter().map(|s| ExogenousInputs::new(s, omega)).collect();
-        then(&Track::new(stretches, &exogenous, setting.rig, &setting.bound, &setting.sensors).hiding(numbers))
+        then(&Track::new(stretches, &exogenous, setting.rig, &setting.bound, &self.sensors(setting)).hiding(numbers))
     }
 }

@@ -13,6 +13,7 @@
 //! residuals then exceed the noise, which is said.
 
 pub mod covariance;
+pub mod longer;
 pub mod problem;
 mod result;
 pub mod run;
@@ -36,6 +37,7 @@ use crate::model::dynamics::Dynamics;
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
+use longer::longer;
 use problem::{Piece, Problem};
 use run::{Failure, Outcome};
 use with_offsets::WithOffsets;
@@ -145,6 +147,55 @@ pub fn slips(
     Ok(slips::placed(&attempt.slips, bound, &prepared))
 }
 
+/// Parameters by simulations of pieces as long as tell the most ([`longer`](mod@longer)), from the
+/// weak form's result, whatever the equations miss. None under a drive, where records have
+/// coefficients of their own, and where no piece is followed.
+///
+/// # Errors
+/// As [`identify`].
+pub fn simulated(
+    records: &[Record],
+    rig: &Rig,
+    weak: &WeakSettings,
+    first: &Identification,
+    progress: &ProgressBar,
+) -> Result<Option<Identification>> {
+    let own = built_in::written(rig)?;
+    let bound = built_in::bound(&own)?;
+    if own.drive.is_some() || bound.model.equations.iter().flat_map(|e| &e.terms).any(|t| t.each_record) {
+        return Ok(None);
+    }
+    let prepared = prepare_moving(records, &own, bound, weak)?;
+    let (motion, names) = built_in::equations_of_motion(rig, &own, bound)?;
+    let given = Given { motion: &*motion, names: &names, rig: &own, bound, prepared: &prepared, first };
+    let Prepared { stretches, sensors, .. } = &prepared;
+    let exogenous: Vec<ExogenousInputs> = stretches.iter().map(|s| ExogenousInputs::new(s, 0.0)).collect();
+    let track = Track::new(stretches, &exogenous, &own, bound, sensors);
+    let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
+    let period_s = period_s(&given);
+    let problem = track.problem(&*motion, period_s, &at);
+    let parameters = start_of(&given)?;
+    let from = longer::From {
+        parameters: &parameters,
+        bounds: &vec![OPEN; names.len()],
+        // Not negative; rounded.
+        length: ((4.0 * period_s / track.spacing_s).round() as usize).max(FEWEST_SAMPLES),
+        margin: prepared.geometry.kernels.full.reach(),
+    };
+    progress.set_length(EXPECTED_ROUNDS);
+    let found = longer(&problem, &track, &from, &mut || progress.inc(1));
+    progress.finish_and_clear();
+    let Some((outcome, length)) = found else { return Ok(None) };
+    let run = ShootingRun {
+        levels_s: vec![length as f64 * track.spacing_s],
+        slips: Vec::new(),
+        zeros: Vec::new(),
+        shifts: vec![vec![0.0; sensors.sigma.len()]; stretches.len()],
+        outcome,
+    };
+    result::finish(first.clone(), WrittenRig { rig, own: &own, bound }, &names, &prepared, run).map(Some)
+}
+
 /// What a run starts from.
 struct Given<'a> {
     motion: &'a dyn Dynamics,
@@ -172,6 +223,15 @@ struct ShootingRun {
 fn period_s(given: &Given<'_>) -> f64 {
     let free = given.prepared.geometry.windows.length_s / DRIVE_PERIODS;
     given.rig.drive.map_or(free, |d| 1.0 / d.frequency_hz)
+}
+
+/// The weak form's parameters.
+fn start_of(given: &Given<'_>) -> Result<Vec<f64>> {
+    let of = |n: &String| {
+        let found = given.first.parameter(n).map(|p| p.value);
+        found.ok_or_else(|| BadInput::new(format!("no {n}"), "a start by the weak form"))
+    };
+    given.names.iter().map(of).collect()
 }
 
 /// Pieces, start, bounds, levels, in pieces as long as can be followed where no length is asked for;
@@ -210,7 +270,7 @@ fn shoot_pieces(
     settings: &Settings,
     progress: &ProgressBar,
 ) -> Result<core::result::Result<ShootingRun, Failure>> {
-    let Given { motion, names, rig, bound, prepared, first } = *given;
+    let Given { motion, names, rig, bound, prepared, .. } = *given;
     let period_s = period_s(given);
     let mut levels: Vec<usize> = [4, 2, 1].iter().map(|d| length / d).filter(|l| *l >= FEWEST_SAMPLES).collect();
     levels.dedup();
@@ -218,13 +278,7 @@ fn shoot_pieces(
     let Pieces { pieces, mut guesses } = track
         .cut(length, guess)
         .ok_or_else(|| BadInput::new("sensors that do not give all coordinates", "one sensor for each coordinate"))?;
-    let start: Vec<f64> = names
-        .iter()
-        .map(|n| {
-            let found = first.parameter(n).map(|p| p.value);
-            found.ok_or_else(|| BadInput::new(format!("no {n}"), "a start by the weak form"))
-        })
-        .collect::<Result<_>>()?;
+    let start = start_of(given)?;
     let mut bounds = vec![OPEN; names.len()];
     for (name, low, high) in &settings.bounds {
         let i = names.iter().position(|n| n == name).ok_or_else(|| {
@@ -258,7 +312,7 @@ fn shoot_pieces(
     };
     let found = zeros::worthwhile(&unknown, 2 * motion.degrees_of_freedom(), &mut once);
     progress.finish_and_clear();
-    let found = match found {
+    let mut found = match found {
         Ok(found) => found,
         Err(why) => return Ok(Err(why)),
     };
@@ -267,7 +321,22 @@ fn shoot_pieces(
     let first = |p: &Piece| (track.since_begin(p) / track.spacing_s).round() as usize;
     let fit = &outcome.fit;
     let slips = slips::find(&problem, &outcome.pieces, &fit.states, &fit.parameters, &first, &prepared.sensors.count);
-    let levels_s = levels.iter().map(|l| *l as f64 * track.spacing_s).collect();
-    let shifts = unknown.values(&fit.parameters);
+    let mut levels_s: Vec<f64> = levels.iter().map(|l| *l as f64 * track.spacing_s).collect();
+    // What a drive keeps moving may be chaotic.
+    if rig.drive.is_none() && settings.segment_s.is_none() && !offsets {
+        let bounds: Vec<[f64; 2]> = bounds.iter().copied().chain(unknown.none().map(|_| OPEN)).collect();
+        let margin = prepared.geometry.kernels.full.reach();
+        let from = longer::From { parameters: &fit.parameters, bounds: &bounds, length, margin };
+        // Where the model holds: what it misses adds up along a piece.
+        let holds = |o: &Outcome| o.noise_ratio.iter().all(|r| *r <= MISSES);
+        let all: Vec<usize> = (0..fit.parameters.len()).collect();
+        let error = |o: &Outcome| longer::mean_error(&o.covariance.estimate, &all);
+        let tells_more = |o: &Outcome| holds(o) && error(o) < error(outcome);
+        if let Some((more, length)) = longer(&problem, track, &from, &mut tick).filter(|m| tells_more(&m.0)) {
+            levels_s.push(length as f64 * track.spacing_s);
+            found.outcome = more;
+        }
+    }
+    let shifts = found.unknown.values(&found.outcome.fit.parameters);
     Ok(Ok(ShootingRun { levels_s, slips, zeros: found.told(rig, bound, prepared), shifts, outcome: found.outcome }))
 }

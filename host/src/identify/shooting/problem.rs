@@ -160,11 +160,32 @@ impl<D: Dynamics + ?Sized> Problem<'_, D> {
     /// Residuals of a piece with their derivatives by its state (2n columns), both in σ. None where
     /// the solution does not reach its end.
     pub fn linear(&self, piece: &Piece, state: &[f64], parameters: &[f64]) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        self.linear_in(piece, state, parameters, self.room(false))
+    }
+
+    /// The same with derivatives by the parameters behind those by the state.
+    pub fn linear_by_all(
+        &self,
+        piece: &Piece,
+        state: &[f64],
+        parameters: &[f64],
+    ) -> Option<(DVector<f64>, DMatrix<f64>)> {
+        self.linear_in(piece, state, parameters, self.room(true))
+    }
+
+    fn linear_in(
+        &self,
+        piece: &Piece,
+        state: &[f64],
+        parameters: &[f64],
+        mut work: Work,
+    ) -> Option<(DVector<f64>, DMatrix<f64>)> {
         let (n, sensors) = (self.dynamics.degrees_of_freedom(), self.sensors.len());
         let count = self.samples(piece);
-        let (mut residuals, mut by) = (DVector::zeros(count * sensors), DMatrix::zeros(count * sensors, 2 * n));
-        let mut work = self.room(false);
         work.set(state);
+        let flown = work.derivatives().len() / (2 * n);
+        let columns = flown + if flown > 2 * n { self.zeros.count } else { 0 };
+        let (mut residuals, mut by) = (DVector::zeros(count * sensors), DMatrix::zeros(count * sensors, columns));
         let flow = self.flow(piece, parameters);
         let zeros = self.zeros_in(piece, parameters);
         let whole = flow.samples(&mut work, piece.start_s, self.spacing_s, count, |i, sample| {
@@ -174,8 +195,11 @@ impl<D: Dynamics + ?Sized> Problem<'_, D> {
                 residuals[row] = (zeros[k] - piece.measured[row]) / sigma;
                 for (j, m) in sensor.iter().enumerate().filter(|m| *m.1 != 0.0) {
                     residuals[row] += m * q[j] / sigma;
-                    let derivatives = &derivatives[j * 2 * n..(j + 1) * 2 * n];
+                    let derivatives = &derivatives[j * flown..(j + 1) * flown];
                     derivatives.iter().enumerate().for_each(|(c, d)| by[(row, c)] += m * d / sigma);
+                }
+                if let Some(zero) = self.zeros.at(piece.stretch, k).filter(|_| columns > flown) {
+                    by[(row, flown + zero)] = 1.0 / sigma;
                 }
             }
         });

@@ -287,7 +287,7 @@ fn without_lost(pieces: &[Piece], fit: &ShootingFit) -> (Vec<Piece>, Vec<Vec<f64
 }
 
 /// Rms residual of each sensor in units of its σ, the freedom of the states shared out evenly.
-fn noise_ratio(shares: &[Share], states: usize) -> Vec<f64> {
+pub(super) fn noise_ratio(shares: &[Share], states: usize) -> Vec<f64> {
     let sensors = shares.first().map_or(0, |s| s.squares.len());
     let samples: usize = shares.iter().map(|s| s.samples).sum();
     let freedom = samples as f64 - (shares.len() * states) as f64 / sensors.max(1) as f64;

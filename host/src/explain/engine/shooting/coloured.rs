@@ -102,7 +102,7 @@ pub fn coloured(setting: &Setting<'_>, state: &State) -> Option<(Sensors, Vec<Co
     let mut told = Vec::new();
     for k in (0..out.sigma.len()).filter(|&k| setting.sensors.count[k].is_none()) {
         let rest = rest(setting, state, k)?;
-        let sigma = rest.square.sqrt();
+        let sigma = rest.square.sqrt() / state.gains[k];
         if sigma * sigma <= MISSES * out.sigma[k] * out.sigma[k] {
             continue;
         }

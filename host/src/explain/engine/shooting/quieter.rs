@@ -34,7 +34,7 @@ pub fn quieter(setting: &Setting<'_>, state: &State) -> Option<Sensors> {
         if freedom < 1.0 {
             continue;
         }
-        let left = (sum / freedom).sqrt();
+        let left = (sum / freedom).sqrt() / state.gains[k];
         let error = (0.5 * out.square_error[k]).hypot((0.5 / freedom).sqrt());
         if left < out.sigma[k] * (1.0 - CLEAR * error) {
             (out.sigma[k], out.square_error[k]) = (left, (2.0 / freedom).sqrt());

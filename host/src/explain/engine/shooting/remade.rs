@@ -41,8 +41,9 @@ pub fn record(setting: &Setting<'_>, state: &State, followed: &Followed, repeat:
 
 /// The same with so much noise of each input.
 fn made(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize, noise: &[Level]) -> Vec<Stretch> {
+    let sensors = state.sensors(setting);
     let of = |(i, (s, path)): (usize, (&Stretch, &Path))| {
-        let mut made = measure_motion(&on_path(s, path), repeat, &setting.bound, &setting.sensors, i as u64);
+        let mut made = measure_motion(&on_path(s, path), repeat, &setting.bound, &sensors, i as u64);
         // What it leaves comes through a resonance: little of it is independent, and noise of the
         // opposite sign leaves the same.
         disturb(&mut made, noise, 1.0, repeat as u64, i as u64);
