@@ -57,7 +57,7 @@ const CLEAN: f64 = 0.4;
 /// from which it is told: coefficients go with the square of the frequency, and are known to some
 /// 1e-4.
 const PHASE: f64 = 1e-4;
-const RATE: f64 = 1e-3;
+pub(crate) const RATE: f64 = 1e-3;
 
 fn no_equations(rig: &Rig) -> BadInput {
     BadInput::new(format!("\"{}\"", rig.model), "a system with equations").in_file(&rig.path).at("model")
