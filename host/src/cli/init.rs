@@ -12,6 +12,8 @@ use crate::files::write_file;
 use crate::init::{Settings, draft, garbled_names, write};
 use crate::record::ReadOptions;
 use crate::record::formats;
+use crate::record::names::find;
+use crate::rig::computed::sources;
 use crate::wording::format::shell_word;
 
 /// Arguments of `init`.
@@ -66,8 +68,8 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let draft = draft(first, &settings)?;
     for other in &arguments.records[1..] {
         let names: Vec<String> = formats::columns(other, &draft.time)?.into_iter().map(|l| l.name).collect();
-        for c in &draft.channels {
-            crate::record::names::find(&names, &c.name, other)?;
+        for c in &sources(&draft.rig()?.channel, &arguments.output)?.columns {
+            find(&names, &c.name, other)?;
         }
     }
     // What is written must be a rig file.

@@ -39,9 +39,35 @@ const LOCKED_SHARE: f64 = 0.5;
 /// hand).
 pub(super) const WORST_CONDITION: f64 = 100.0;
 
+/// What records have of a motion, s: their length, and what is left of it without the low-pass's
+/// reach at the ends, gaps and standstills.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Length {
+    pub whole_s: f64,
+    pub used_s: f64,
+}
+
+impl Length {
+    pub(super) fn of(records: &[Record], used_s: f64) -> Self {
+        let whole = |r: &Record| {
+            let (first, last) = (r.segments.first()?, r.segments.last()?);
+            Some(last.start_s + last.len() as f64 * last.step_s - first.start_s)
+        };
+        Self { whole_s: records.iter().filter_map(whole).sum::<f64>().max(used_s), used_s }
+    }
+
+    /// That of records with so many windows more, which lose as much of it.
+    fn with(self, windows: usize, window_s: f64) -> f64 {
+        let lost = if self.used_s > 0.0 { self.whole_s / self.used_s } else { 1.0 };
+        self.whole_s + windows as f64 * window_s * lost
+    }
+}
+
 /// A record of so many whole windows is too short.
-pub(super) fn too_few(windows: usize, window_s: f64, of_forces: bool) -> Undecidable {
-    Undecidable::FewWindows { of_forces, windows, window_s, least_s: window_s * (FEWEST_BLOCKS + 1) as f64 }
+pub(super) fn too_few(windows: usize, window_s: f64, of_forces: bool, length: Length) -> Undecidable {
+    // One beyond the fewest: what is left over at the end is none.
+    let least_s = length.with((FEWEST_BLOCKS + 1).saturating_sub(windows), window_s);
+    Undecidable::FewWindows { of_forces, windows, window_s, least_s }
 }
 
 /// What is told of equations in which no effect has a place.
@@ -271,6 +297,20 @@ mod tests {
                 assert!(result.gap.steps.iter().all(|s| s.value == 5.0), "{told}");
             }
         }
+    }
+
+    #[test]
+    fn a_record_that_is_too_short_is_asked_for_more_than_it_has() {
+        let least =
+            |windows: usize, whole_s: f64, used_s: f64| match too_few(windows, 1.07, false, Length { whole_s, used_s })
+            {
+                Undecidable::FewWindows { least_s, .. } => least_s,
+                other => panic!("{other:?}"),
+            };
+        // Seven windows in 12 s: the ends take 4 s.
+        assert!((least(7, 12.0, 8.0) - (12.0 + 3.0 * 1.07 * 1.5)).abs() < 1e-9);
+        assert!((least(0, 1.0, 0.0) - 11.7).abs() < 1e-9);
+        assert!((0..FEWEST_BLOCKS).all(|n| least(n, 12.0, 12.0) > 12.0 + 1.07));
     }
 
     /// Each window has an initial state of its own; the whole record has one.

@@ -139,11 +139,23 @@ fn misfit(result: &Identification) -> Option<Warning> {
             "An effect is missing, or it is the noise of {hidden}, which this record does not show. Run `whirl explain`"
         )
     };
-    let text = format!(
-        "These equations do not describe this record: the identification error is {}, where its sensors explain {}",
-        percent(&result.identification_error),
-        percent(&details.expected_error)
-    );
+    // What fails is said: the equations' errors, or, where these are near what the sensors explain,
+    // the rows of the weak form.
+    let mut errors = result.identification_error.iter().zip(&details.expected_error);
+    let near = |(error, expected): (&f64, &f64)| (error / expected).powi(2) <= BESIDE_NOISE * by_chance;
+    let text = if of_all.is_some() && errors.all(near) {
+        format!(
+            "These equations do not describe this record: over its windows they leave {} times the power of the sensors' noise, where up to {} would be noise",
+            significant(ratio, 3),
+            significant(BESIDE_NOISE * by_chance, 2)
+        )
+    } else {
+        format!(
+            "These equations do not describe this record: the identification error is {}, where its sensors explain {}",
+            percent(&result.identification_error),
+            percent(&details.expected_error)
+        )
+    };
     let warning = Warning::new("model-misses-something", text, advice).with("residual_over_noise", ratio);
     Some(if ratio > MISLEADING * by_chance && hidden.is_empty() { warning.invalidating() } else { warning })
 }

@@ -125,3 +125,19 @@ fn ties_are_judged_by_their_covariance() {
     few.details.jackknife_blocks = 0;
     assert!(ties(&Coefficients::of(&few)).is_none());
 }
+
+#[test]
+fn a_misfit_names_what_failed() {
+    let told = |error: f64, ratio: f64| {
+        let mut result = identified(&[]);
+        result.identification_error = vec![error];
+        result.details.expected_error = vec![0.03];
+        result.details.residual_over_noise = Some(ratio);
+        misfit(&result).map(|w| w.text)
+    };
+    assert_eq!(told(0.024, 1.5), None);
+    let by_rows = told(0.024, 2.5).unwrap();
+    assert!(by_rows.contains("leave 2.50 times the power") && by_rows.contains("up to 2.0 would"), "{by_rows}");
+    assert!(told(0.05, 2.5).unwrap().contains("the identification error is 5.0 %, where its sensors explain 3.0 %"));
+    assert!(told(0.15, 1.5).unwrap().contains("the identification error is 15 %"));
+}

@@ -5,7 +5,8 @@
 //! term. A count that does not change says nothing of the motion either, and its quantisation error
 //! is a constant. A joint stands still where its encoder stays within [`COUNTS`], or where means of a
 //! sensor that does not count stay within what its noise gives, for [`STILL`] of a window and for a
-//! period of the highest frequency that is looked at.
+//! period of the highest frequency that is looked at. A sensor that bends by clearly more than its
+//! noise there turns round.
 //!
 //! Limits: sticking for less than that stays in; a slow swing of fewer than about five counts is
 //! left out at its turning points.
@@ -26,6 +27,10 @@ const STILL: f64 = 0.125;
 /// deviations of one, that noise alone exceeds once in 1400 times.
 const MEANS: usize = 8;
 const RANGE: f64 = 6.0;
+
+/// Standard errors of a bend from which it is one, where it is as large as the noise besides: a sensor
+/// at rest may drift by less.
+const BENT: f64 = 4.0;
 
 /// Share of the windows in motion that must be left.
 const WORTH: f64 = 0.25;
@@ -163,7 +168,8 @@ fn standstills(stretch: &Stretch, bound: &ObservedModel, sensors: &[Fineness], s
                 let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
                 let means: Vec<f64> = values.chunks(each).map(mean).collect();
                 let found = within(&means, RANGE * sigma / (each as f64).sqrt(), least.div_ceil(each));
-                found.into_iter().map(|(first, last)| (each * first, (each * last).min(values.len()))).collect()
+                let whole = found.into_iter().map(|(first, last)| (each * first, (each * last).min(values.len())));
+                whole.filter(|(first, last)| !bends(&values[*first..*last], sigma)).collect()
             }
         };
         spans.into_iter().map(|(first, last)| Span { first, last, sensor }).collect()
@@ -173,6 +179,17 @@ fn standstills(stretch: &Stretch, bound: &ObservedModel, sensors: &[Fineness], s
     let mut found: Vec<Span> = each.into_iter().flatten().collect();
     found.sort_unstable();
     found
+}
+
+/// Whether numbers with noise of that standard deviation lie along a bend: their least squares over
+/// 1, t and t².
+fn bends(values: &[f64], sigma: f64) -> bool {
+    let half = 0.5 * (values.len() as f64 - 1.0);
+    // t² without its mean, which is that of t from −half to half.
+    let square = |i: usize| (i as f64 - half).powi(2) - half * (half + 1.0) / 3.0;
+    let norm: f64 = (0..values.len()).map(|i| square(i).powi(2)).sum();
+    let bend = values.iter().enumerate().map(|(i, x)| x * square(i)).sum::<f64>() / norm;
+    bend.abs() > BENT * sigma / norm.sqrt() && bend.abs() * half * half > sigma
 }
 
 /// First and last + 1 of at least `least` numbers in a row that stay within a range.
@@ -277,6 +294,23 @@ mod tests {
         assert!(all.len() == 1 && all[0].0.abs_diff(2000) < 40 && all[0].1 == 5000, "{all:?}");
         assert!(!standstills(&with(&|t| 1e-4 * (14.0 * t).sin()), &bound, &sensors, 0.5).is_empty());
         assert!(standstills(&with(&|t| 1e-2 * (14.0 * t).sin()), &bound, &sensors, 0.5).is_empty());
+    }
+
+    /// Few samples, at a turning point: means of two stay within what noise gives.
+    #[test]
+    fn a_turning_point_that_stands_out_of_the_noise_is_no_standstill() {
+        let bound = bound();
+        let noise = |i: i32| f64::from((i * 7919) % 1009) / 1009.0 - 0.5;
+        let with = |bend: f64| {
+            let mut out = stretch(|_| 0.0);
+            out.coordinates[0] = (0..200).map(|i| bend * f64::from(i - 100).powi(2) + 3.46 * noise(i)).collect();
+            out.coordinates[1] = (0..200).map(|i| 3.0 * f64::from(i)).collect();
+            out
+        };
+        let sensors = [Fineness::Noise(1.0), Fineness::Noise(1e-6)];
+        let near = |found: &[Span]| found.iter().any(|s| s.sensor == 0 && s.first <= 100 && s.last >= 100);
+        assert!(near(&standstills(&with(0.0), &bound, &sensors, 0.032)));
+        assert!(!near(&standstills(&with(0.07), &bound, &sensors, 0.032)));
     }
 
     #[test]

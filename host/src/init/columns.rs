@@ -14,6 +14,8 @@ const ANGLES: [&str; 19] = [
     "theta", "phi", "angle", "winkel", "enc", "count", "rot", "alpha", "beta", "gamma", "psi", "pend", "arm", "joint",
     "gelenk", "zähl", "θ", "φ", "ϕ",
 ];
+/// Functions that give an angle.
+const INVERSE: [&str; 4] = ["atan2", "atan", "asin", "acos"];
 /// Units that an angle may be in, where neither its name nor its values say which.
 pub(super) const UNITS: [&str; 2] = ["rad", "deg"];
 /// Rms step from row to row above which a column is no angle in rad: with noise on it, equations
@@ -78,6 +80,15 @@ pub struct Seen {
     pub why: Vec<Statement>,
 }
 
+impl Seen {
+    /// Whether a computed channel of that name is made of this column.
+    pub(super) fn is_in(&self, computed: &str) -> bool {
+        let Some(text) = computed.strip_prefix('=') else { return false };
+        let is_part = |c: char| c.is_alphanumeric() || c == '_';
+        text.contains(&format!("{{{}}}", self.name)) || text.split(|c| !is_part(c)).any(|word| word == self.name)
+    }
+}
+
 /// Least, greatest, largest step between neighbours.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Extent {
@@ -129,6 +140,8 @@ fn one(name: &str, index: usize, parts: &[&[f64]]) -> Seen {
         seen.kind = Kind::Constant;
     } else if parts.iter().all(|p| p.windows(2).all(|w| w[1] - w[0] == 1.0)) {
         seen.kind = Kind::Counter;
+    } else if let Some(text) = name.strip_prefix('=') {
+        computed(&mut seen, text, parts, e);
     } else if let Some((unit, text)) = names::split(name).1.and_then(|text| names::unit(&text).map(|unit| (unit, text)))
     {
         by_unit(&mut seen, unit, &text, parts);
@@ -136,6 +149,20 @@ fn one(name: &str, index: usize, parts: &[&[f64]]) -> Seen {
         by_values(&mut seen, parts, e);
     }
     seen
+}
+
+/// A channel that is computed: of an inverse function it is an angle.
+fn computed(seen: &mut Seen, text: &str, parts: &[&[f64]], e: Extent) {
+    let Some(function) = INVERSE.iter().find(|f| text.contains(&format!("{f}("))) else {
+        return by_values(seen, parts, e);
+    };
+    // As docs/record-format.md writes degrees: *180/pi.
+    let is_plain = text.trim().starts_with(function) && text.trim().ends_with(')');
+    seen.kind = Kind::Angle;
+    seen.unit = if text.contains("180") { "deg" } else { "rad" };
+    let statement =
+        Statement::new(&seen.name, format!("an angle in {}", seen.unit), format!("{function} gives an angle in rad"));
+    seen.why.push(if is_plain { statement } else { statement.unsure() });
 }
 
 /// A column whose name has a unit.

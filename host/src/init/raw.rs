@@ -4,17 +4,22 @@ use std::path::{Path, PathBuf};
 
 use super::{Settings, Statement};
 use crate::error::{BadInput, Result};
+use crate::identify::suspects::RATE;
 use crate::record::formats::{self, Listed};
 use crate::record::names::{self, TimeChoice};
 use crate::record::{Column, ReadOptions, Record};
-use crate::rig::Rig;
-use crate::wording::format::{count, significant};
+use crate::rig::{RATES, Rig};
+use crate::wording::format::{count, shell_word, significant};
 
 /// Columns that whirl's own CSV has beside the channels.
 const DEVICE: [&str; 3] = ["tick", "phase", "amplitude_nm"];
 /// Share of rows without a value from which a column is left out, so that it does not break the
 /// others' stretches.
 const SPARSE: f64 = 0.05;
+/// Share of the difference from a record's rate at which [`crate::identify::suspects`] tells that
+/// the rig file says another, to which a rate is rounded at most: half of it is left to the rest of
+/// a record.
+const ROUNDED: f64 = 0.5;
 /// Rates that a measured pendulum is likely to have, Hz.
 const LIKELY: core::ops::RangeInclusive<f64> = 5.0..=50_000.0;
 /// Most columns that are tried as the time.
@@ -61,6 +66,12 @@ pub(super) fn read(path: &Path, settings: &Settings) -> Result<Raw> {
     let called = names::time_column(&all, &time, path);
     let clock = called.as_ref().ok().map(|t| t.name.clone());
     numbers.retain(|n| Some(n) != clock.as_ref());
+    let computed = settings.choices.map.iter().map(|(_, column)| column).filter(|c| c.starts_with('='));
+    for column in computed {
+        if !numbers.contains(column) {
+            numbers.push(column.clone());
+        }
+    }
     let mut why = Vec::new();
     let mut record = match (read_columns(path, &numbers, &time, settings), &called) {
         (Ok(record), _) => record,
@@ -143,13 +154,24 @@ fn sparse(path: &Path, numbers: &[String], record: &Record, time: &TimeChoice, s
     numbers.iter().filter(empty).cloned().collect()
 }
 
-/// The unit of a time that nobody says and that cannot be seconds: the one with the likeliest rate.
+/// A time of which nobody says the unit: seconds, as every command reads it, and what it may be
+/// instead; only where no rig has such a rate in seconds it is the unit with the likeliest one.
 fn other_unit(record: &mut Record, time: &mut TimeChoice, why: &mut Vec<Statement>, name: &str) {
     let rate = record.sample_rate_hz;
     let distance = |n: f64| (rate * n / 500.0).ln().abs();
     let units = [("ms", 1e3), ("us", 1e6), ("ns", 1e9)];
     let Some((unit, n)) = units.into_iter().min_by(|a, b| distance(a.1).total_cmp(&distance(b.1))) else { return };
     if !LIKELY.contains(&(rate * n)) {
+        return;
+    }
+    let step = significant(1.0 / rate, 6);
+    if RATES.contains(&rate) {
+        let text = format!(
+            "no unit is said; rows {step} apart would be {} Hz in {unit}: if so, say it with --time {}",
+            significant(rate * n, 3),
+            shell_word(&format!("{name}:{unit}"))
+        );
+        why.push(Statement::new(name, "a time in s", text).unsure());
         return;
     }
     record.sample_rate_hz *= n;
@@ -159,7 +181,6 @@ fn other_unit(record: &mut Record, time: &mut TimeChoice, why: &mut Vec<Statemen
         s.jitter_s /= n;
     }
     time.unit = Some(unit.to_owned());
-    let step = significant(1.0 / rate, 6);
     let text = format!("no unit is said; rows {step} apart would be {} Hz in seconds", significant(rate, 3));
     why.push(Statement::new(name, format!("a time in {unit}"), text).unsure());
 }
@@ -169,7 +190,7 @@ pub(super) fn nice_rate(record: &Record) -> f64 {
     let Some(s) = record.segments.iter().max_by_key(|s| s.len()) else { return record.sample_rate_hz };
     // The slope of a fitted line: σ √12/n^1.5.
     let error = s.jitter_s / s.step_s * 12f64.sqrt() / (s.len().max(2) as f64).powf(1.5);
-    nice(record.sample_rate_hz, (3.0 * error).max(1e-8))
+    nice(record.sample_rate_hz, (3.0 * error).clamp(1e-8, ROUNDED * RATE))
 }
 
 /// What is said of the rate.

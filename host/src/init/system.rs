@@ -109,7 +109,10 @@ pub(super) fn choose(raw: &Raw, seen: &[Seen], settings: &Settings) -> Result<Ch
     let columns = assign(raw, seen, &mut needs, settings)?;
     let mut unused = Vec::new();
     for s in seen.iter().filter(|s| !columns.iter().any(|c| c.index == s.index)) {
-        let why = if matches!(s.kind, Kind::Angle | Kind::Length | Kind::Input) {
+        let computed = columns.iter().find(|c| s.is_in(&c.name));
+        let why = if let Some(of) = computed {
+            format!("stands in {}", of.name)
+        } else if matches!(s.kind, Kind::Angle | Kind::Length | Kind::Input) {
             format!("{}, which {model} has no place for", s.kind.words())
         } else {
             s.kind.words().to_owned()
@@ -179,6 +182,13 @@ fn assign<'a>(raw: &Raw, seen: &'a [Seen], needs: &mut Needs, settings: &Setting
             out[k] = Some(free.remove(i));
         }
     }
+    // One column alone that has it among its words.
+    for (k, need) in needs.list.iter().enumerate().filter(|(k, _)| out[*k].is_none()).collect::<Vec<_>>() {
+        let mut called = (0..free.len()).filter(|i| has_word(&free[*i].name, &need.name));
+        if let (Some(i), None) = (called.next(), called.next()) {
+            out[k] = Some(free.remove(i));
+        }
+    }
     // First those whose kind fits, then any whose kind nothing says.
     for wanted in [false, true] {
         for (k, need) in needs.list.iter().enumerate() {
@@ -211,6 +221,11 @@ fn assign<'a>(raw: &Raw, seen: &'a [Seen], needs: &mut Needs, settings: &Setting
 fn same_name(column: &str, need: &str) -> bool {
     let base = crate::record::names::split(column).0;
     base.eq_ignore_ascii_case(need)
+}
+
+fn has_word(column: &str, need: &str) -> bool {
+    let base = crate::record::names::split(column).0;
+    base.split(|c: char| !c.is_alphanumeric()).any(|word| word.eq_ignore_ascii_case(need))
 }
 
 /// The error for columns that leave the system open: lists systems with as many coordinates and

@@ -1,6 +1,7 @@
 //! Tests of drafts from small files; whole records are in the end-to-end tests.
 
 use super::*;
+use crate::record::{Column, Segment};
 
 fn drafted(name: &str, text: &str, system: Option<&str>) -> Result<Draft> {
     let folder = tempfile::tempdir().unwrap();
@@ -46,10 +47,73 @@ fn a_time_without_name_or_unit_is_found_and_marked() {
     assert!(d.contains("a column for") && d.contains("--map"), "{d}");
     let text = rows(3000, |i| format!("{},{:.4},{:.3}", 2000.0 * i, (0.02 * i).sin(), (0.07 * i).cos()));
     let d = drafted("bare.csv", &text, Some("positioning-drive")).unwrap();
-    assert_eq!((d.time.column.as_deref(), d.time.unit.as_deref(), d.sample_rate_hz), (Some("c1"), Some("us"), 500.0));
+    assert_eq!((d.time.column.as_deref(), d.time.unit.as_deref(), d.sample_rate_hz), (Some("c1"), None, 0.0005));
     assert!(d.why_time.iter().any(|s| s.check && s.taken_for == "the time"));
     assert!(d.channels.iter().all(|c| c.unit == "1" && c.why.iter().any(|s| s.check)));
-    assert!(write::text(&d).contains("# CHECK: a time in us"));
+    // Seconds, as every command reads it.
+    let text = write::text(&d);
+    assert!(
+        text.contains("# CHECK: a time in s: no unit")
+            && text.contains("500 Hz in us: ")
+            && text.contains("--time c1:us"),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_time_whose_rate_in_seconds_no_rig_has_is_in_another_unit() {
+    let text = rows(3000, |i| format!("{},{:.4},{:.3}", 2e6 * i, (0.02 * i).sin(), (0.07 * i).cos()));
+    let d = drafted("bare.csv", &text, Some("positioning-drive")).unwrap();
+    assert_eq!((d.time.unit.as_deref(), d.sample_rate_hz), (Some("ns"), 500.0));
+    assert!(write::text(&d).contains("# CHECK: a time in ns"));
+}
+
+/// As PASCO's Capstone names them.
+#[test]
+fn units_stand_before_what_a_run_is_called() {
+    let text = format!(
+        "Time (s) Run 8,Position (m) Run 8,Force (N) Run 8\n{}",
+        rows(3000, |i| format!("{:.3},{:.3},{:.3}", 0.002 * i, (0.02 * i).sin(), (0.05 * i).cos()))
+    );
+    for text in [text.clone(), text.replace("Position (m)", "Pull (N)").replace("Force (N)", "Way (m)")] {
+        let d = drafted("a.csv", &text, Some("positioning-drive")).unwrap();
+        let of = |measures: &str| d.channels.iter().find(|c| c.measures == measures).unwrap();
+        assert!(of("q").name.contains("(m)") && of("force").name.contains("(N)"), "{:?}", d.channels);
+        assert_eq!(
+            (of("q").unit.as_str(), of("force").unit.as_str(), d.time.column.as_deref()),
+            ("m", "N", Some("Time (s) Run 8"))
+        );
+    }
+}
+
+#[test]
+fn a_map_may_compute_a_channel() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bob.csv");
+    let at = |i: f64| 0.6 * (0.03 * i).cos();
+    let text = format!("t,x,y\n{}", rows(3000, |i| format!("{:.3},{:.5},{:.5}", 0.01 * i, at(i).sin(), -at(i).cos())));
+    std::fs::write(&path, text).unwrap();
+    let with = |map: &str| {
+        let choices = Choices { map: vec![crate::rig::choices::pair(map).unwrap()], ..Choices::default() };
+        let output = folder.path().join("rig.toml");
+        draft(&path, &Settings { choices, output, needs_system: true, ..Settings::default() })
+    };
+    let d = with("theta1==atan2(x,-y)").unwrap();
+    assert_eq!(d.model.as_deref(), Some("single-pendulum"));
+    let c = channel(&d, "=atan2(x,-y)");
+    assert_eq!((c.measures.as_str(), c.unit.as_str()), ("theta1", "rad"));
+    assert!(d.unused.iter().any(|s| s.of == "x" && s.why == "stands in =atan2(x,-y)"), "{:?}", d.unused);
+    let wrong = with("theta1==atan2(z,-y)").unwrap_err().to_string();
+    assert!(wrong.contains('z'), "{wrong}");
+}
+
+#[test]
+fn a_rate_is_not_rounded_beyond_what_is_told_as_another() {
+    let mut segment = Segment::new(0.0, 1.0 / 1945.88, vec![Column::Values(vec![0.0; 20])]);
+    segment.jitter_s = 0.3 * segment.step_s;
+    let record = Record { sample_rate_hz: 1945.88, segments: vec![segment], ..Record::default() };
+    let rate = raw::nice_rate(&record);
+    assert!((rate / 1945.88 - 1.0).abs() < crate::identify::suspects::RATE, "{rate}");
 }
 
 #[test]

@@ -31,6 +31,8 @@ pub(super) struct Head {
     pub(super) lines: usize,
     /// Lines among them that are neither the header row, nor units, nor comments, nor blank.
     pub(super) passed_over: usize,
+    /// Cells of every row that was looked at, where these are not as many as the names.
+    pub(super) row_cells: Option<usize>,
 }
 
 /// Whether a line holds no row: blank, or a comment.
@@ -82,7 +84,8 @@ fn header_first(lines: &[&[u8]], first: usize, time: &TimeChoice, wanted: &[&str
     let fits = |d: u8, n: usize| next.is_some_and(|l| cells(l, d).is_some_and(|c| c.len() == n));
     let (delimiter, names) =
         named.iter().find(|(d, names)| fits(*d, names.len())).or_else(|| named.iter().find(|(d, _)| *d != b' '))?;
-    let mut head = Head { delimiter: *delimiter, names: names.clone(), lines: first + 1, passed_over: 0 };
+    let mut head =
+        Head { delimiter: *delimiter, names: names.clone(), lines: first + 1, passed_over: 0, row_cells: None };
     // A line of units may follow it.
     if let Some((i, units)) = lines
         .iter()
@@ -94,7 +97,24 @@ fn header_first(lines: &[&[u8]], first: usize, time: &TimeChoice, wanted: &[&str
         head.names = with_units(names, &units);
         head.lines = i + 1;
     }
+    head.row_cells = row_cells(&lines[head.lines..], *delimiter).filter(|n| *n != names.len());
     Some(head)
+}
+
+/// How many cells rows have, if there are several and all have as many.
+fn row_cells(rows: &[&[u8]], delimiter: u8) -> Option<usize> {
+    // The last line may be torn.
+    let (_, whole) = rows.split_last()?;
+    let mut widths = whole.iter().filter(|l| !is_no_row(l)).map(|l| cells(l, delimiter).map(|c| c.len()));
+    let first = widths.next()??;
+    let mut others = 0;
+    for width in widths {
+        others += 1;
+        if width != Some(first) {
+            return None;
+        }
+    }
+    (others > 0).then_some(first)
 }
 
 /// The line above the first rows, whichever delimiter makes rows first.
@@ -125,7 +145,7 @@ fn above_rows(lines: &[&[u8]]) -> Option<Head> {
         }
     }
     let before = lines[..row].iter().filter(|l| !is_no_row(l)).count();
-    Some(Head { delimiter, names, lines: row, passed_over: before.saturating_sub(used) })
+    Some(Head { delimiter, names, lines: row, passed_over: before.saturating_sub(used), row_cells: None })
 }
 
 /// The first of lines that are rows at this delimiter, and how many cells they have.
@@ -192,7 +212,7 @@ fn as_names(cells: &[Vec<u8>]) -> Vec<String> {
 /// it.
 pub(super) fn plain(line: &[u8]) -> Option<Head> {
     let delimiter = DELIMITERS[..3].iter().copied().find(|d| line.contains(d)).unwrap_or(b',');
-    Some(Head { delimiter, names: as_names(&cells(line, delimiter)?), lines: 1, passed_over: 0 })
+    Some(Head { delimiter, names: as_names(&cells(line, delimiter)?), lines: 1, passed_over: 0, row_cells: None })
 }
 
 #[cfg(test)]

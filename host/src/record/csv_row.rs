@@ -9,13 +9,18 @@ use super::formats::shown;
 use super::lines::Cells;
 use super::rows::{Cell, Rows, sources};
 use super::{Column, dates, names};
-use crate::error::{BadInput, Result};
+use crate::error::{BadInput, Result, plain};
 use crate::rig::Rig;
+
+/// What to do with a line that has more cells or fewer than the others.
+const MEND: &str = "Mend the line; a text with the delimiter in it must be in quotes";
 
 /// Where the columns of interest stand.
 pub(super) struct Layout {
     pub(super) delimiter: u8,
     pub(super) width: usize,
+    /// A header row for the rows, where theirs has more names or fewer than all of them have cells.
+    pub(super) mended: Option<String>,
     pub(super) t: usize,
     pub(super) time: String,
     pub(super) per_second: f64,
@@ -45,7 +50,28 @@ pub(super) fn layout(head: &Head, path: &Path, rig: &Rig) -> Result<Layout> {
         _ => None,
     };
     let per_second = t.per_second.unwrap_or(1.0);
-    Ok(Layout { delimiter: head.delimiter, width: names.len(), t: t.index, time: t.name, per_second, channels, own })
+    let mended = head.row_cells.map(|n| mended(names, n, char::from(head.delimiter)));
+    Ok(Layout {
+        delimiter: head.delimiter,
+        width: names.len(),
+        mended,
+        t: t.index,
+        time: t.name,
+        per_second,
+        channels,
+        own,
+    })
+}
+
+/// What to do where all rows have so many cells, and the header row another number of names.
+fn mended(names: &[String], cells: usize, delimiter: char) -> String {
+    if cells < names.len() {
+        return format!("All rows have {cells}: the header row has names without a column; remove them");
+    }
+    let further = (names.len() + 1..=cells).map(|i| format!("c{i}"));
+    let all: Vec<String> = names.iter().cloned().chain(further).collect();
+    let all = all.join(&delimiter.to_string());
+    format!("All rows have {cells}: the header row is short; give every column a name, such as {}", plain(&all))
 }
 
 /// Parses one row into `row`; nothing is taken yet, so that a torn line leaves no half row.
@@ -66,7 +92,7 @@ pub(super) fn parse(
     if cells.len() != layout.width {
         return Err(at_line(
             BadInput::new(format!("{} cells", cells.len()), format!("{} as in the header", layout.width))
-                .remedy("Mend the line; a text with the delimiter in it must be in quotes"),
+                .remedy(layout.mended.as_deref().unwrap_or(MEND)),
         ));
     }
     let comma = csv_head::decimal_comma(layout.delimiter);

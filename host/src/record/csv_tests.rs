@@ -118,7 +118,11 @@ fn each_bad_input_has_its_message() {
         (good.replace("3.010,15", "NaN,15"), &["r.csv", "line 7", "column t", "NaN"]),
         (good.replace("3.010,15", ",15"), &["line 7", "column t", "NaN"]),
         (good.replace("3.010,15", "noon,15"), &["line 7", "column t", "\"noon\""]),
-        (good.replace("3.010,15", "3.008,15"), &["line 7", "3.008 a second time"]),
+        (good.replace("3.010,15", "3.008,15"), &["line 7", "3.008 a second time", "more digits", "stamped in lots"]),
+        (
+            (0..20).fold("t,count1,angle\n".to_owned(), |s, i| s + &format!("{},{i},0.1,7\n", f64::from(i) * 0.002)),
+            &["line 2", "found 4 cells", "All rows have 4: the header row is short", "t,count1,angle,c4"],
+        ),
         (good.replace("3.010,15", "3.001,15"), &["line 7", "3.001 after 3.008"]),
         (good.replace("3.010,15", "inf,15"), &["line 7", "column t", "inf"]),
         (good.replace("3.010,15,x,0.505", "3.010,15,x,inf"), &["line 7", "column angle", "inf"]),

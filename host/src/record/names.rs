@@ -1,8 +1,8 @@
 //! Names of columns as people and instruments write them: `theta1_deg`, `Winkel 1 (deg)`,
 //! `time_ms`, `Time [s]`.
 //!
-//! A unit may stand at the end of a name, in brackets or behind `_`, a blank, `/` or `-`. What the
-//! time is called is known in some spellings; what anything else is called, and what it measures,
+//! A unit may stand in brackets, wherever they are (`Force (N) Run 8`), or at the end of a name
+//! behind `_`, a blank, `/` or `-`. What the time is called is known in some spellings; what anything else is called, and what it measures,
 //! only the rig file says.
 
 use std::path::Path;
@@ -103,15 +103,40 @@ pub fn unit(text: &str) -> Option<NamedUnit> {
     of(text, true).map(|(_, unit, factor)| NamedUnit { unit: *unit, factor: *factor })
 }
 
+/// What stands in brackets within a name, innermost first where they nest: where the bracket
+/// begins, where it ends, and the text.
+fn brackets(name: &str) -> Vec<(usize, usize, &str)> {
+    let mut out = Vec::new();
+    for (open, close) in [('(', ')'), ('[', ']'), ('<', '>'), ('{', '}')] {
+        let mut opened = None;
+        for (i, c) in name.char_indices() {
+            if c == open {
+                opened = Some(i);
+            } else if c == close
+                && let Some(at) = opened.take()
+            {
+                out.push((at, i + close.len_utf8(), name[at + open.len_utf8()..i].trim()));
+            }
+        }
+    }
+    out.sort_unstable();
+    out
+}
+
 /// A name without its unit, and the unit's text where one stands in it.
 pub fn split(name: &str) -> (String, Option<String>) {
     let name = name.trim();
-    for (open, close) in [('(', ')'), ('[', ']'), ('<', '>'), ('{', '}')] {
-        if let Some(inner) = name.strip_suffix(close)
-            && let Some(at) = inner.rfind(open)
-        {
-            return (inner[..at].trim().to_owned(), Some(inner[at + open.len_utf8()..].trim().to_owned()));
-        }
+    let bracketed = brackets(name);
+    // A unit that is known, the last of several: what stands behind it is a run or a sensor.
+    let is_known = |inner: &str| unit(inner).is_some() || per_second(inner).is_some();
+    // "1" and "-" are numbers and dashes but at the end.
+    let is_word = |inner: &str| inner.chars().any(|c| c.is_alphabetic() || c == '°');
+    let known = bracketed.iter().rev().find(|(_, to, inner)| is_known(inner) && (*to == name.len() || is_word(inner)));
+    // At the end it is one that is not known.
+    if let Some((at, to, inner)) = known.or_else(|| bracketed.last().filter(|(_, to, _)| *to == name.len())) {
+        let before = name[..*at].trim();
+        let base = if before.is_empty() { name[*to..].trim() } else { before };
+        return (base.to_owned(), Some((*inner).to_owned()));
     }
     // Behind a comma or a slash with blanks around: "Time, s", "x / mm".
     for separator in [", ", " / ", " in "] {
@@ -297,10 +322,18 @@ mod tests {
             ("Time, s", "Time", "s"),
             ("x_mm", "x", "mm"),
             ("phi (°)", "phi", "°"),
+            // Of a run or a sensor.
+            ("Force (N) Run 8", "Force", "N"),
+            ("Acceleration (m/s²) Run 8", "Acceleration", "m/s²"),
+            ("Position [mm], left (2)", "Position", "mm"),
+            ("(N) Force", "Force", "N"),
+            ("Force(N) 2", "Force", "N"),
+            ("Angle (deg) (furlong)", "Angle", "deg"),
+            ("Angle (furlong)", "Angle", "furlong"),
         ] {
             assert_eq!(split(name), (base.to_owned(), Some(text.to_owned())), "{name}");
         }
-        for name in ["count1", "theta_1", "encoder", "phi2", "arm-2", "u", "x0"] {
+        for name in ["count1", "theta_1", "encoder", "phi2", "arm-2", "u", "x0", "x (1) left"] {
             assert_eq!(split(name).1, None, "{name}");
         }
         assert_eq!(unit("Degrees").unwrap(), NamedUnit { unit: Some("deg"), factor: 1.0 });
@@ -316,6 +349,7 @@ mod tests {
         assert_eq!(time(&["a", "time_ms"]).unwrap(), (1, Some(1e3)));
         assert_eq!(time(&["a", "Timestamp"]).unwrap(), (1, None));
         assert_eq!(time(&["a", "Zeit [µs]"]).unwrap(), (1, Some(1e6)));
+        assert_eq!(time(&["Time (s) Run 8", "Force (N) Run 8"]).unwrap(), (0, Some(1.0)));
         assert_eq!(time(&["theta", "__index_level_0__"]).unwrap(), (1, None));
         assert_eq!(time(&["run.x", "run.time_ms"]).unwrap(), (1, Some(1e3)));
         assert!(time(&["a.t", "b.t"]).unwrap_err().to_string().contains("--time \"a.t\""));

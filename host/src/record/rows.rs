@@ -20,6 +20,11 @@ pub(super) const ROW_LIMIT: usize = 200_000_000;
 /// Most rows for which room is made before they are there.
 const RESERVED: usize = 1 << 22;
 
+/// What to do with a time that is not later than the one before, and with one that is the same.
+const SORT: &str = "Sort the rows by time, or split the file where its clock was set back";
+const TWICE: &str = "Write the times with more digits; of samples that came evenly and were stamped in lots, \
+    write the number of the row over their rate; remove a row that is there twice";
+
 /// A checked cell of a channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Cell {
@@ -218,9 +223,8 @@ impl<'a> Rows<'a> {
             } else {
                 format!("{short} after {short_before}")
             };
-            return Err(self
-                .bad(place, name, found, "a time later than the row before")
-                .remedy("Sort the rows by time, or split the file where its clock was set back"));
+            let remedy = if t == before { TWICE } else { SORT };
+            return Err(self.bad(place, name, found, "a time later than the row before").remedy(remedy));
         }
         if self.t.len() >= self.limit {
             return Err(self

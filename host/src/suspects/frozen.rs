@@ -12,21 +12,25 @@
 //! Where a channel moves by few counts a sample, velocities drown in the counts' own steps: what
 //! stops for good is then held against the whole stretch, see [`super::leap`].
 //!
+//! A limit that is met once in a motion that is fast beside the samples is seen otherwise, see
+//! [`super::cut`].
+//!
 //! A line that was filled in is the same with a slope, see [`super::filled`].
 //!
 //! Limits: a sensor that stops within some milliseconds of a turning point looks like a joint that
 //! is held, and is not told from it; nor is one that is away for a while in a slow motion.
 
+use super::cut::{cut, range};
 use super::filled;
 use super::leap::leaps;
 use super::trace::{Samples, Trace};
 
 /// Samples over which the velocity is taken.
-const SLOPE: usize = 3;
+pub(super) const SLOPE: usize = 3;
 /// Samples behind these whose second differences are compared.
 const NEAR: usize = 12;
 /// Ratio of velocity to second difference: thrice what a turning point has.
-const JUMP: f64 = 7.5;
+pub(super) const JUMP: f64 = 7.5;
 /// Fewest samples of a run inside a stretch.
 const FEWEST: usize = 4;
 /// Fewest at a limit that was met in full motion elsewhere.
@@ -46,6 +50,8 @@ pub struct Run {
     pub extreme: i8,
     /// Whether it lasts to the end, or from the beginning, of the stretch.
     pub open: bool,
+    /// Whether it is a limit of the sensor though it is met once.
+    pub is_cut: bool,
     /// Of a straight line that was filled in: where it ends.
     pub filled_to: Option<f64>,
 }
@@ -59,12 +65,16 @@ pub fn runs(trace: &Trace<'_>) -> Vec<Run> {
             Samples::Values(x) => equal_runs(x, stretch, &mut equal),
         }
     }
-    equal.retain(|&(stretch, from, to)| {
+    let (low, high) = if equal.is_empty() { (0.0, 0.0) } else { range(trace) };
+    let cut: Vec<(usize, usize, usize)> = equal.iter().filter(|run| cut(trace, **run, [low, high])).copied().collect();
+    equal.retain(|run| {
+        let (stretch, from, to) = *run;
         let s = &trace.stretches[stretch];
         let open = from == 0 || to == s.len();
         let leaps = |before: bool| open && leaps(s, (from, to), before, trace.quantum);
         let entry = from == 0 || breaks(s, from, true, trace.quantum) || leaps(true);
-        entry && (to == s.len() || breaks(s, to - 1, false, trace.quantum) || returns(s, to, trace) || leaps(false))
+        let exit = || to == s.len() || breaks(s, to - 1, false, trace.quantum) || returns(s, to, trace) || leaps(false);
+        entry && exit() || cut.contains(run)
     });
     let mut lines = filled::lines(trace);
     lines.retain(|l| !equal.iter().any(|e| e.0 == l.0 && e.1 < l.2 && l.1 < e.2));
@@ -72,17 +82,12 @@ pub fn runs(trace: &Trace<'_>) -> Vec<Run> {
     if equal.is_empty() {
         return runs;
     }
-    let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-    for s in &trace.stretches {
-        for i in 0..s.len() {
-            (low, high) = (low.min(s.at(i)), high.max(s.at(i)));
-        }
-    }
     let run = |(stretch, from, to): (usize, usize, usize)| {
         let s = &trace.stretches[stretch];
         let value = s.at(from);
         let extreme = if value == high { 1 } else { -i8::from(value == low) };
-        Run { stretch, from, to, value, extreme, open: from == 0 || to == s.len(), filled_to: None }
+        let is_cut = cut.contains(&(stretch, from, to));
+        Run { stretch, from, to, value, extreme, open: from == 0 || to == s.len(), is_cut, filled_to: None }
     };
     runs.extend(equal.into_iter().map(run));
     let again = |of: &Run| met_again(trace, of, &runs);
@@ -127,7 +132,7 @@ fn overshoot(s: &Samples<'_>, from: usize, to: usize) -> f64 {
 fn line(trace: &Trace<'_>, (stretch, from, to): (usize, usize, usize)) -> Run {
     let s = &trace.stretches[stretch];
     let open = from == 0 || to == s.len();
-    Run { stretch, from, to, value: s.at(from), extreme: 0, open, filled_to: Some(s.at(to - 1)) }
+    Run { stretch, from, to, value: s.at(from), extreme: 0, open, is_cut: false, filled_to: Some(s.at(to - 1)) }
 }
 
 /// Runs of equal samples that are long enough, but for a whole stretch.

@@ -8,10 +8,11 @@
 //! certain is mended (slips) or left out as a gap (spikes, clipped and dead stretches); what cannot
 //! be is named by a warning that takes the answer its standing.
 //!
-//! One check, one file: `dead`, `held`, `stuck_bit`, `row_steps`, `frozen` with `leap` and `filled`,
-//! and `screen` with `breaks`.
+//! One check, one file: `dead`, `held`, `stuck_bit`, `row_steps`, `frozen` with `leap`, `cut`
+//! and `filled`, and `screen` with `breaks`.
 
 mod breaks;
+mod cut;
 mod dead;
 mod filled;
 mod frozen;

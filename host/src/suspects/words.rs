@@ -5,6 +5,7 @@ use serde_json::Value;
 
 use super::Numbering;
 use super::breaks::Found;
+use super::cut::is_limit;
 use super::frozen::Run;
 use super::mending::Mending;
 use super::row_steps;
@@ -164,12 +165,12 @@ impl<'a> Wording<'a> {
         let mut warnings = Vec::new();
         for sign in [1, -1] {
             let of: Vec<&Run> = runs.iter().filter(|r| r.extreme == sign).collect();
-            // Once is a stop that happens to be the furthest; a limit is met again and again.
-            if of.len() >= 2 {
+            if is_limit(&of) {
                 warnings.push(self.clipped(channel, &of, trace, mending));
             }
         }
-        let clipped = |r: &Run| runs.iter().filter(|o| o.extreme == r.extreme && r.extreme != 0).count() >= 2;
+        let clipped =
+            |r: &Run| r.extreme != 0 && is_limit(&runs.iter().filter(|o| o.extreme == r.extreme).collect::<Vec<_>>());
         for run in runs.iter().filter(|r| !clipped(r)) {
             mending.leave_out(run.stretch, run.from, run.to);
             if let Some(end) = run.filled_to {
@@ -239,14 +240,14 @@ impl<'a> Wording<'a> {
                 }
             }
         }
+        let place = self.at(runs[0].stretch, runs[0].from);
+        let how = match runs {
+            [once] => format!("for {} rows, reached in full motion, from {place} on", once.to - once.from),
+            _ => format!("{} times, in the middle of a motion, first at {place}", runs.len()),
+        };
         let w = Warning::new(
             "clipped",
-            format!(
-                "{name} is cut off at {value} {}: it stands there {} times, in the middle of a motion, first at {}",
-                self.unit(channel, value),
-                runs.len(),
-                self.at(runs[0].stretch, runs[0].from)
-            ),
+            format!("{name} is cut off at {value} {}: it stands there {how}", self.unit(channel, value)),
             format!("These {left_out} rows are left out as gaps; give the sensor or the counter a wider range"),
         );
         self.placed(w, Some(channel), (runs[0].stretch, runs[0].from)).with("value", value).with("left_out", left_out)

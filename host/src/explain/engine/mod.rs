@@ -82,7 +82,7 @@ use self::run::Run;
 use self::setting::{Begun, Lines, Physical, Setting};
 use self::shooting::Coloured;
 use self::state::{Chosen, State};
-use super::decidability::{FEWEST_BLOCKS, WORST_CONDITION, locked, too_few};
+use super::decidability::{FEWEST_BLOCKS, Length, WORST_CONDITION, locked, too_few};
 use super::explanation::Explanation;
 use super::{MOST_WINDOWS, Reason, Settings, Undecidable, ranking};
 use crate::error::Result;
@@ -167,7 +167,7 @@ fn attempt(
     // trajectories are shorter.
     let (blocks, window_s) = whole_windows(&setting, &state);
     if blocks < ranking::FOLDS {
-        result.reason = Reason::Undecidable(too_few(blocks, window_s, false));
+        result.reason = Reason::Undecidable(too_few(blocks, window_s, false, length(&setting, records)));
         return Ok(Attempt::Done(Some(Box::new(result))));
     }
     let undecidable = undecidable(&setting, records, &first, blocks, window_s);
@@ -250,6 +250,11 @@ fn whole_windows(setting: &Setting<'_>, state: &State) -> (usize, f64) {
     (setting.raw.iter().map(|s| (s.len() as f64 * s.step_s / window_s) as usize).sum(), window_s)
 }
 
+/// What the records have of the motion.
+fn length(setting: &Setting<'_>, records: &[Record]) -> Length {
+    Length::of(records, setting.raw.iter().map(|s| s.len() as f64 * s.step_s).sum())
+}
+
 /// Why this record cannot decide, if it cannot.
 fn undecidable(
     setting: &Setting<'_>,
@@ -263,7 +268,7 @@ fn undecidable(
     }
     if blocks < FEWEST_BLOCKS {
         // Whole windows of the balance of forces are long; trajectories would do with shorter ones.
-        return Some(too_few(blocks, window_s, !setting.shooting));
+        return Some(too_few(blocks, window_s, !setting.shooting, length(setting, records)));
     }
     // Rows of the weak form are judged equation by equation; written equations may hold what is
     // hardly separable on purpose.

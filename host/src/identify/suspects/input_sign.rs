@@ -1,14 +1,17 @@
 //! A measured input whose sign is reversed.
 //!
 //! Written equations with the input for their balance, Σ λ_j X_j = u, have every coefficient of
-//! such an equation reversed: the inertia is negative, and friction brakes all the same beside it.
+//! such an equation reversed: the inertia is negative, and friction brakes all the same beside it,
+//! as the stiffness pulls back. Where one of these does not, the inertia itself is wrong. An
+//! equation of first order has a friction for its leading term: one that is negative beside a
+//! stiffness that is not lets the motion run away.
 //! Of a system from bodies it is the input's own coefficient N/D, whose sign is that of N where its
 //! parameters are known, or positive by their nature; D is an inertia.
 //!
 //! Limits: an input whose gain is not known may have either sign.
 
-use super::arrow::{CLEAR, NamedCoefficient, feeds, inertia};
-use crate::model::model_file::expression::Symbol;
+use super::arrow::{CLEAR, NamedCoefficient, feeds, inertia, stiffness_sign};
+use crate::model::model_file::expression::{Node, Symbol};
 use crate::model::model_file::{Equation, ModelFile};
 use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
@@ -23,6 +26,8 @@ struct Reversed<'a> {
     by: &'a NamedCoefficient<'a>,
     /// What is wrong with it.
     wrong: &'static str,
+    /// Whether the equation's stiffness has the right sign all the same: it is no input's then.
+    alone: bool,
 }
 
 /// A warning where an input is reversed, or some equation's inertia is negative.
@@ -31,11 +36,11 @@ pub(super) fn reversed(own: &Rig, bound: &ObservedModel, known: &[NamedCoefficie
     let written =
         || model.equations.iter().enumerate().find_map(|(e, eq)| of_equation(model, own.omega(), e, eq, known));
     let derived = || model.mechanism.as_deref().and_then(|m| of_mechanism(model, m, own, known));
-    let Reversed { input, by, wrong } = written().or_else(derived)?;
+    let Reversed { input, by, wrong, alone } = written().or_else(derived)?;
     let channel = &own.channel[*bound.inputs.get(input)?].name;
     let value = plus_minus(by.value, Z95 * by.std_error);
     let found = format!("{} = {value} {wrong}", by.name);
-    let warning = if feeds(model, own.omega(), known) {
+    let warning = if alone || feeds(model, own.omega(), known) {
         Warning::new(
             "negative-inertia",
             found,
@@ -58,7 +63,7 @@ fn is_negative(k: &NamedCoefficient<'_>) -> bool {
     k.value < -CLEAR * k.std_error
 }
 
-/// Of an equation with inputs for its balance, the only coefficient of its coordinate's second
+/// Of an equation with inputs for its balance, the only coefficient of its coordinate's highest
 /// derivative.
 fn of_equation<'a>(
     model: &ModelFile,
@@ -68,15 +73,31 @@ fn of_equation<'a>(
     known: &'a [NamedCoefficient<'a>],
 ) -> Option<Reversed<'a>> {
     let input = (0..model.inputs.len()).find(|k| equation.balance.any(&|s| s == Symbol::Input(*k)))?;
-    let moves = |i: usize| equation.terms.iter().filter(move |t| inertia(model, omega, &t.of, i) != 0.0);
-    let i = std::iter::once(e).chain(0..model.coordinates.len()).find(|&i| moves(i).next().is_some())?;
-    let mut terms = moves(i);
-    let (Some(only), None) = (terms.next(), terms.next()) else { return None };
-    if inertia(model, omega, &equation.balance, i) != 0.0 {
+    let own = || std::iter::once(e).chain(0..model.coordinates.len());
+    let leads = |by: &dyn Fn(&Node) -> f64| {
+        let mut terms = equation.terms.iter().filter(|t| by(&t.of) != 0.0);
+        let (Some(only), None) = (terms.next(), terms.next()) else { return None };
+        if by(&equation.balance) != 0.0 {
+            return None;
+        }
+        known.iter().find(|k| k.name == only.name && is_negative(k))
+    };
+    let accelerated = own().find(|&i| equation.terms.iter().any(|t| inertia(model, omega, &t.of, i) != 0.0));
+    if let Some(i) = accelerated {
+        let by = leads(&|n| inertia(model, omega, n, i))?;
+        let alone = stiffness_sign(equation, known, i).is_some_and(|sign| sign > 0.0);
+        return Some(Reversed { input, by, wrong: "is negative, which no inertia is", alone });
+    }
+    // Of first order: the sign of a lone gain is the user's affair.
+    let is_second = |n: &Node| n.any(&|s| matches!(s, Symbol::Acceleration(_)));
+    if is_second(&equation.balance) || equation.terms.iter().any(|t| is_second(&t.of)) {
         return None;
     }
-    let by = known.iter().find(|k| k.name == only.name && is_negative(k))?;
-    Some(Reversed { input, by, wrong: "is negative, which no inertia is" })
+    let rate = |n: &Node, i: usize| n.derivative(Symbol::Rate(i)).map_or(0.0, |d| d.value(&|_| 0.0));
+    let i = own().find(|&i| equation.terms.iter().any(|t| rate(&t.of, i) != 0.0))?;
+    let by = leads(&|n| rate(n, i))?;
+    stiffness_sign(equation, known, i).filter(|sign| *sign > 0.0)?;
+    Some(Reversed { input, by, wrong: "is negative: the motion would run away of itself", alone: true })
 }
 
 /// Of a system from bodies, the coefficient of an input.
@@ -105,6 +126,7 @@ fn of_mechanism<'a>(
             input,
             by,
             wrong: "has another sign than what is known of the rig gives it",
+            alone: false,
         })
     })
 }
@@ -140,6 +162,29 @@ mod tests {
         assert!(text.contains("force acts in the wrong sense: m = ") && text.contains("no inertia"), "{text}");
         // A friction that feeds the motion tells it from a reversed input.
         assert_eq!(duffing(-1.0, 0.4).unwrap().0, "negative-inertia");
+    }
+
+    #[test]
+    fn an_inertia_that_is_wrong_alone_is_no_inputs_sign() {
+        let (id, text) = found("duffing.toml", &[("m", -1.0), ("c", -0.4), ("k", 40.0), ("k3", 60.0)]).unwrap();
+        assert_eq!(id, "negative-inertia", "{text}");
+    }
+
+    /// T q' + k q = u.
+    #[test]
+    fn a_motion_of_first_order_does_not_run_away() {
+        let text = "name = \"m\"\ncoordinates = [{ name = \"q\", space = \"R\" }]\ninputs = [\"u\"]\n[[equation]]\nbalance = \"u\"\nterms = { T = \"q'\", k = \"q\" }\n";
+        let model = ModelFile::parse(text, Path::new("m.toml")).unwrap();
+        let found = |t: f64, k: f64| {
+            let known = [("T", t), ("k", k)].map(|(name, value)| NamedCoefficient { name, value, std_error: 0.01 });
+            of_equation(&model, 1.0, 0, &model.equations[0], &known).map(|r| (r.by.name.to_owned(), r.alone))
+        };
+        assert_eq!(found(0.2, 0.8), None);
+        assert_eq!(found(-0.2, 0.8), Some(("T".to_owned(), true)));
+        // Nothing to hold it, not clear, or an input that counts the other way.
+        assert_eq!(found(-0.2, 0.0), None);
+        assert_eq!(found(-0.02, 0.8), None);
+        assert_eq!(found(-0.2, -0.8), None);
     }
 
     #[test]

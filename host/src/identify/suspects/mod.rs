@@ -57,7 +57,7 @@ const CLEAN: f64 = 0.4;
 /// from which it is told: coefficients go with the square of the frequency, and are known to some
 /// 1e-4.
 const PHASE: f64 = 1e-4;
-const RATE: f64 = 1e-3;
+pub(crate) const RATE: f64 = 1e-3;
 
 fn no_equations(rig: &Rig) -> BadInput {
     BadInput::new(format!("\"{}\"", rig.model), "a system with equations").in_file(&rig.path).at("model")
@@ -196,7 +196,15 @@ pub fn after(records: &[Record], rig: &Rig, result: &Identification) -> Vec<Warn
     if fits && super::built_in::written(rig).is_ok_and(|own| plausible(own.into_owned())) {
         return stated(records, rig);
     }
-    examine(records, rig)
+    let mut out = examine(records, rig);
+    if !out.iter().any(|w| w.invalidates)
+        && let Ok(own) = super::built_in::written(rig)
+        && let Some(bound) = &own.bound
+    {
+        // A few windows say less than all of them.
+        out.extend(input_sign::reversed(&own, bound, &known));
+    }
+    out
 }
 
 /// What coefficients say without any residual.
