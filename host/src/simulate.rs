@@ -115,7 +115,8 @@ pub fn base(rig: &Rig, plant: &BasePlant, seed: u64) -> Result<Option<BaseSettin
         quantity: if channel.unit == "m/s2" { BaseQuantity::Acceleration } else { BaseQuantity::Counted },
         scale: gain.abs() * channel.scale(),
         gain: sign * plant.gain,
-        offset: sign * plant.offset,
+        // The rig file's own offset is added when the record is read.
+        offset: sign * (plant.offset - channel.offset.unwrap_or(0.0) * channel.scale()),
         noise: plant.noise,
         seed,
     }))
@@ -241,9 +242,17 @@ pub fn record(
         let s = simulation.next_sample().map_err(fail)?;
         let mut encoders = s.counts.iter();
         counts.clear();
-        counts.extend(
-            rig.channel.iter().filter_map(|c| if c.measures == BASE { Some(s.base) } else { encoders.next().copied() }),
-        );
+        for c in &rig.channel {
+            // The base's sensor takes its gain and offset off itself, see [`base`].
+            let shown =
+                if c.measures == BASE { Some(s.base) } else { encoders.next().and_then(|n| c.count_taken_off(*n)) };
+            counts.push(shown.ok_or_else(|| {
+                BadInput::new("an angle beyond 32 bits of counts", "fewer turns")
+                    .in_file(&rig.path)
+                    .at(format!("channel \"{}\"", c.name))
+                    .remedy("Simulate a shorter time, or a smaller offset")
+            })?);
+        }
         writer.push(&Sample { tick: s.tick, counts: &counts, phase: s.phase, amplitude_nm: s.amplitude_nanometre })?;
         if i.is_multiple_of(1000) {
             progress.set_position(i);

@@ -7,6 +7,7 @@ use super::csv::{EXACT, OWN_COLUMNS};
 use super::csv_head::{self, Head, number_of};
 use super::formats::shown;
 use super::lines::Cells;
+use super::names::TimeChoice;
 use super::rows::{Cell, Rows, sources};
 use super::{Column, dates, names};
 use crate::error::{BadInput, Result};
@@ -36,7 +37,6 @@ pub(super) struct Row {
 /// Where the columns stand.
 pub(super) fn layout(head: &Head, path: &Path, rig: &Rig) -> Result<Layout> {
     let names = &head.names;
-    let t = names::time_column(names, &rig.time, path)?;
     let columns = sources(rig).columns;
     let channels = names::find_all(names, &columns, path)?;
     let own = OWN_COLUMNS.map(|name| names.iter().position(|n| n == name));
@@ -44,6 +44,11 @@ pub(super) fn layout(head: &Head, path: &Path, rig: &Rig) -> Result<Layout> {
         [Some(a), Some(b), Some(c)] => Some([a, b, c]),
         _ => None,
     };
+    // whirl's own records call the time t, whatever other records of the rig call it.
+    let t = names::time_column(names, &rig.time, path).or_else(|e| match own {
+        Some(_) => names::time_column(names, &TimeChoice::default(), path).map_err(|_| e),
+        None => Err(e),
+    })?;
     let per_second = t.per_second.unwrap_or(1.0);
     Ok(Layout { delimiter: head.delimiter, width: names.len(), t: t.index, time: t.name, per_second, channels, own })
 }

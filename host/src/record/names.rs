@@ -199,6 +199,17 @@ pub fn time_column(names: &[String], choice: &TimeChoice, path: &Path) -> Result
     Ok(TimeColumn { index, name, per_second })
 }
 
+/// The column of the time as a record is written that is to be read with this choice: its name,
+/// and how many of its units there are in a second.
+pub fn written_time(choice: &TimeChoice) -> (String, f64) {
+    let name = match choice.column.as_deref() {
+        Some(c) => c.rsplit_once(':').filter(|(_, unit)| per_second(unit).is_some()).map_or(c, |(column, _)| column),
+        None => "t",
+    };
+    let found = time_column(&[name.to_owned()], choice, Path::new(""));
+    (name.to_owned(), found.ok().and_then(|t| t.per_second).unwrap_or(1.0))
+}
+
 /// The only column that is called like a time.
 fn called_time(names: &[String], path: &Path) -> Result<usize> {
     if let Some(i) = names.iter().position(|n| n == "t") {
@@ -336,5 +347,17 @@ mod tests {
         assert_eq!(choose("Clock", None).unwrap().index, 0);
         assert!(choose("clock", Some("fortnight")).unwrap_err().to_string().contains("a unit of time: s, ms"));
         assert!(choose("none", None).is_err());
+        let written = |column: Option<&str>, unit: Option<&str>| {
+            let choice = TimeChoice { column: column.map(Into::into), unit: unit.map(Into::into) };
+            let (name, per_second) = written_time(&choice);
+            let read = time_column(&names(&["x", &name]), &choice, Path::new("r.csv")).unwrap();
+            assert_eq!((read.index, read.per_second.unwrap_or(1.0)), (1, per_second), "{choice:?}");
+            (name, per_second)
+        };
+        assert_eq!(written(None, None), ("t".to_owned(), 1.0));
+        assert_eq!(written(None, Some("ms")), ("t".to_owned(), 1e3));
+        assert_eq!(written(Some("t / us"), None), ("t / us".to_owned(), 1e6));
+        assert_eq!(written(Some("clock:ms"), None), ("clock".to_owned(), 1e3));
+        assert_eq!(written(Some("time"), Some("min")), ("time".to_owned(), 1.0 / 60.0));
     }
 }
