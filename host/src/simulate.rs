@@ -235,7 +235,7 @@ pub fn record(
     };
     // At least one sample, at most a day of them: no overflow.
     let samples = ((seconds * rig.sample_rate_hz).round() as u64).max(1);
-    let mut writer = RecordWriter::create(output, &metadata, rig)?;
+    let mut writer = RecordWriter::create_beside(output, &metadata, rig)?;
     progress.set_length(samples);
     let mut counts = Vec::new();
     for i in 0..samples {

@@ -5,6 +5,7 @@
 //! The rig file that names the channels reads what is written: the time is called and counted as it
 //! says (`t` in seconds where it says nothing), and gains and offsets are taken off.
 
+use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::sync::Arc;
@@ -19,8 +20,10 @@ use parquet::file::writer::SerializedFileWriter;
 use parquet::schema::types::Type;
 
 use super::csv_write::{create_file, text_cell};
+use super::writer::FULL;
 use super::{Column, names};
 use crate::error::{BadInput, Result};
+use crate::files::Part;
 use crate::rig::{Channel, Rig, computed};
 
 /// Rows of a Parquet row group.
@@ -73,17 +76,21 @@ pub fn write_values(path: &Path, rig: &Rig, columns: &[Column]) -> Result<()> {
 pub fn write_values_from(path: &Path, rig: &Rig, start_s: f64, columns: &[Column]) -> Result<()> {
     computed::refuse(&rig.channel, &rig.path)?;
     let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
-    let io = |e: std::io::Error| BadInput::io(path, &e);
+    let io = |e: std::io::Error| BadInput::io(path, &e).remedy(FULL);
+    let part = Part::of(path)?;
+    let file = create_file(path, part.place())?;
     if name.ends_with(".csv.gz") {
-        let mut sink = BufWriter::new(GzEncoder::new(create_file(path)?, Compression::default()));
+        let mut sink = BufWriter::new(GzEncoder::new(file, Compression::default()));
         csv(&mut sink, rig, start_s, columns).map_err(io)?;
-        sink.into_inner().map_err(|e| io(e.into_error()))?.finish().map(drop).map_err(io)
+        sink.into_inner().map_err(|e| io(e.into_error()))?.finish().map_err(io)?;
     } else if name.ends_with(".csv") {
-        let mut sink = BufWriter::new(create_file(path)?);
-        csv(&mut sink, rig, start_s, columns).and_then(|()| sink.flush()).map_err(io)
+        let mut sink = BufWriter::new(file);
+        csv(&mut sink, rig, start_s, columns).and_then(|()| sink.flush()).map_err(io)?;
     } else {
-        parquet(path, rig, start_s, columns).map_err(|e| BadInput::new(e.to_string(), "").in_file(path))
+        parquet(file, rig, start_s, columns)
+            .map_err(|e| BadInput::new(e.to_string(), "").in_file(path).remedy(FULL))?;
     }
+    part.keep().map_err(io)
 }
 
 fn csv(sink: &mut impl Write, rig: &Rig, start_s: f64, columns: &[Column]) -> std::io::Result<()> {
@@ -106,7 +113,7 @@ fn csv(sink: &mut impl Write, rig: &Rig, start_s: f64, columns: &[Column]) -> st
     Ok(())
 }
 
-fn parquet(path: &Path, rig: &Rig, start_s: f64, columns: &[Column]) -> std::result::Result<(), ParquetError> {
+fn parquet(file: File, rig: &Rig, start_s: f64, columns: &[Column]) -> std::result::Result<(), ParquetError> {
     let field = |name: &str, physical: Physical| {
         Type::primitive_type_builder(name, physical).with_repetition(Repetition::REQUIRED).build().map(Arc::new)
     };
@@ -122,7 +129,6 @@ fn parquet(path: &Path, rig: &Rig, start_s: f64, columns: &[Column]) -> std::res
         .set_compression(ParquetCompression::SNAPPY)
         .set_dictionary_enabled(false)
         .build();
-    let file = create_file(path).map_err(|e| ParquetError::General(e.to_string()))?;
     let mut writer = SerializedFileWriter::new(BufWriter::new(file), schema, Arc::new(properties))?;
     let count = columns.first().map_or(0, Column::len);
     for from in (0..count).step_by(GROUP) {
@@ -163,7 +169,11 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         for name in ["a.csv", "a.csv.gz", "a.parquet"] {
             let path = folder.path().join(name);
+            // What had the name is replaced once, and nothing is left beside it.
+            std::fs::write(&path, "before").unwrap();
             write_values(&path, &rig, &columns).unwrap();
+            let beside = std::fs::read_dir(folder.path()).unwrap();
+            assert!(beside.flatten().all(|f| !f.file_name().to_string_lossy().ends_with(".part")), "{name}");
             let record = Record::read(&path, &rig, &ReadOptions::default()).unwrap();
             assert_eq!(record.segments.len(), 1, "{name}");
             assert_eq!(record.segments[0].columns, columns, "{name}");
