@@ -125,7 +125,7 @@ fn as_they_stand(raw: &Raw, seen: &[Seen]) -> Result<Chosen> {
     let moves = |s: &&Seen| !matches!(s.kind, Kind::Counter | Kind::Constant);
     let channels: Vec<DraftChannel> = seen.iter().filter(moves).map(|s| channel(s, &s.name)).collect();
     if channels.is_empty() {
-        return Err(super::nothing_to_measure(&raw.path, seen));
+        return Err(super::nothing_to_measure(raw, seen));
     }
     let left = seen.iter().filter(|s| !moves(s)).map(|s| Statement::new(&s.name, "not used", s.kind.words()));
     Ok(Chosen { model: None, why: Vec::new(), channels, unused: left.collect(), may_be_driven: false })
@@ -219,7 +219,7 @@ fn untold(raw: &Raw, seen: &[Seen], angles: usize) -> BadInput {
     let usable = |s: &&Seen| matches!(s.kind, Kind::Angle | Kind::Length | Kind::Input | Kind::Unknown);
     let columns: Vec<String> = seen.iter().filter(usable).map(|s| format!("{} ({})", s.name, s.kind.words())).collect();
     if columns.is_empty() {
-        return super::nothing_to_measure(&raw.path, seen);
+        return super::nothing_to_measure(raw, seen);
     }
     let fits = |text: &str, name: &str| {
         let source = Source { text: text.to_owned(), path: Path::new(name).to_path_buf() };

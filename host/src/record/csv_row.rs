@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use super::csv::{EXACT, OWN_COLUMNS};
-use super::csv_head::{self, Head, number_of};
+use super::csv_head::{self, Head, is_missing, number_of};
 use super::formats::shown;
 use super::lines::Cells;
 use super::names::TimeChoice;
@@ -84,13 +84,16 @@ pub(super) fn parse(
         let integer = if counts { core::str::from_utf8(text).ok().and_then(|s| s.parse::<i64>().ok()) } else { None };
         let cell = match integer {
             Some(value) => rows.check_integer(number, k, value)?,
-            None if text.is_empty() => Cell::Missing,
+            None if is_missing(text) => Cell::Missing,
             None => match number_of(text, comma) {
                 Some(value) => rows.check_number(number, k, value)?,
                 None => {
                     let c = &rows.sources.columns[k];
+                    // Columns of which nothing is known yet have the unit 1.
+                    let expected =
+                        if c.unit == "1" { "a number".to_owned() } else { format!("a number in {}", c.unit) };
                     return Err(rows
-                        .bad(number, &c.name, shown(text), &format!("a number in {}", c.unit))
+                        .bad(number, &c.name, shown(text), &expected)
                         .remedy("Mend the cell, or leave it empty (that is a gap)"));
                 }
             },
