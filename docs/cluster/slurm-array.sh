@@ -20,7 +20,9 @@ mkdir -p shards
 # Patterns and options are words on purpose.
 # shellcheck disable=SC2086
 if [ "${1:-}" = merge ]; then
-  exec $whirl batch merge $(seq -f "shards/%g.${table##*.}" 1 "$SHARDS") --out "$table" --force
+  # Exit status 1 says, as below, that some row is negative or failed.
+  $whirl batch merge $(seq -f "shards/%g.${table##*.}" 1 "$SHARDS") --out "$table" --force || [ $? -eq 1 ]
+  exit 0
 fi
 shard=$SLURM_ARRAY_TASK_ID/$SLURM_ARRAY_TASK_COUNT
 # Exit status 1 says that some record's answer is negative or that it failed: its row says why, and the table is whole.

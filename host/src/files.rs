@@ -90,20 +90,61 @@ fn kind(_: &Metadata) -> &'static str {
 pub fn write_file(path: &Path, bytes: &[u8]) -> Result<()> {
     let fail =
         |e: std::io::Error| BadInput::io(path, &e).remedy("Name a file in a folder that exists and can be written to");
-    // A device or pipe is written to as it is.
-    if is_special(path) {
-        return std::fs::write(path, bytes).map_err(fail);
+    let part = Part::of(path)?;
+    std::fs::write(part.place(), bytes).map_err(fail)?;
+    part.keep().map_err(fail)
+}
+
+/// A file that is written beside its name and gets the name once it is whole ([`Part::keep`]); what
+/// had the name is there until then. Dropped before, it is removed.
+#[derive(Debug)]
+pub struct Part {
+    place: PathBuf,
+    /// None where nothing is renamed.
+    target: Option<PathBuf>,
+}
+
+impl Part {
+    /// Where a file of this name is written until it is whole; nothing is created yet.
+    ///
+    /// # Errors
+    /// A folder that does not exist.
+    pub fn of(path: &Path) -> Result<Self> {
+        // A device or pipe is written to as it is.
+        if is_special(path) {
+            return Ok(Self { place: path.to_path_buf(), target: None });
+        }
+        let unnamed = || BadInput::new("no file name, or no folder", "a file to write").in_file(path);
+        // A link stays one: the file behind it is replaced.
+        let target = resolve(path).ok_or_else(unnamed)?;
+        let mut name = target.file_name().ok_or_else(unnamed)?.to_os_string();
+        name.push(format!(".{}.part", std::process::id()));
+        Ok(Self { place: target.with_file_name(name), target: Some(target) })
     }
-    let unnamed = || BadInput::new("no file name, or no folder", "a file to write").in_file(path);
-    // A link stays one: the file behind it is replaced.
-    let target = resolve(path).ok_or_else(unnamed)?;
-    let mut name = target.file_name().ok_or_else(unnamed)?.to_os_string();
-    name.push(format!(".{}.part", std::process::id()));
-    let part = target.with_file_name(name);
-    std::fs::write(&part, bytes).and_then(|()| std::fs::rename(&part, &target)).map_err(|e| {
-        let _ = std::fs::remove_file(&part);
-        fail(e)
-    })
+
+    /// The file that is to be written.
+    pub fn place(&self) -> &Path {
+        &self.place
+    }
+
+    /// Gives the whole file its name.
+    ///
+    /// # Errors
+    /// A name that cannot be taken.
+    pub fn keep(mut self) -> std::io::Result<()> {
+        let Some(target) = &self.target else { return Ok(()) };
+        std::fs::rename(&self.place, target)?;
+        self.target = None;
+        Ok(())
+    }
+}
+
+impl Drop for Part {
+    fn drop(&mut self) {
+        if self.target.is_some() {
+            let _ = std::fs::remove_file(&self.place);
+        }
+    }
 }
 
 /// The file that a name leads to, links followed, whether it is there yet or not; none where its
@@ -178,6 +219,24 @@ mod tests {
             let _listener = std::os::unix::net::UnixListener::bind(&socket).unwrap();
             assert!(read(&socket).contains("a socket") && is_special(&socket));
         }
+    }
+
+    #[test]
+    fn what_has_the_name_stays_until_the_new_file_is_whole() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("r.csv");
+        std::fs::write(&path, "old").unwrap();
+        let names = || std::fs::read_dir(folder.path()).unwrap().count();
+        let part = Part::of(&path).unwrap();
+        std::fs::write(part.place(), "to").unwrap();
+        assert_eq!((std::fs::read_to_string(&path).unwrap().as_str(), names()), ("old", 2));
+        drop(part);
+        assert_eq!((std::fs::read_to_string(&path).unwrap().as_str(), names()), ("old", 1));
+        let part = Part::of(&path).unwrap();
+        std::fs::write(part.place(), "new").unwrap();
+        part.keep().unwrap();
+        assert_eq!((std::fs::read_to_string(&path).unwrap().as_str(), names()), ("new", 1));
+        assert!(Part::of(&folder.path().join("no/r.csv")).is_err());
     }
 
     #[cfg(unix)]

@@ -115,7 +115,8 @@ pub fn base(rig: &Rig, plant: &BasePlant, seed: u64) -> Result<Option<BaseSettin
         quantity: if channel.unit == "m/s2" { BaseQuantity::Acceleration } else { BaseQuantity::Counted },
         scale: gain.abs() * channel.scale(),
         gain: sign * plant.gain,
-        offset: sign * plant.offset,
+        // The rig file's own offset is added when the record is read.
+        offset: sign * (plant.offset - channel.offset.unwrap_or(0.0) * channel.scale()),
         noise: plant.noise,
         seed,
     }))
@@ -234,16 +235,24 @@ pub fn record(
     };
     // At least one sample, at most a day of them: no overflow.
     let samples = ((seconds * rig.sample_rate_hz).round() as u64).max(1);
-    let mut writer = RecordWriter::create(output, &metadata, rig)?;
+    let mut writer = RecordWriter::create_beside(output, &metadata, rig)?;
     progress.set_length(samples);
     let mut counts = Vec::new();
     for i in 0..samples {
         let s = simulation.next_sample().map_err(fail)?;
         let mut encoders = s.counts.iter();
         counts.clear();
-        counts.extend(
-            rig.channel.iter().filter_map(|c| if c.measures == BASE { Some(s.base) } else { encoders.next().copied() }),
-        );
+        for c in &rig.channel {
+            // The base's sensor takes its gain and offset off itself, see [`base`].
+            let shown =
+                if c.measures == BASE { Some(s.base) } else { encoders.next().and_then(|n| c.count_taken_off(*n)) };
+            counts.push(shown.ok_or_else(|| {
+                BadInput::new("an angle beyond 32 bits of counts", "fewer turns")
+                    .in_file(&rig.path)
+                    .at(format!("channel \"{}\"", c.name))
+                    .remedy("Simulate a shorter time, or a smaller offset")
+            })?);
+        }
         writer.push(&Sample { tick: s.tick, counts: &counts, phase: s.phase, amplitude_nm: s.amplitude_nanometre })?;
         if i.is_multiple_of(1000) {
             progress.set_position(i);
@@ -257,4 +266,60 @@ pub fn record(
         seed,
         effects: settings.effects.iter().take(effect_texts.len()).map(ToString::to_string).collect(),
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::{Column, ReadOptions, Record};
+    use crate::rig::choices::Choices;
+
+    /// What a rig of this text simulates, read back with the same text.
+    fn simulated(text: &str, ending: &str) -> Record {
+        let rigs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/rig.toml");
+        let rig = Rig::of_text(text, &rigs, &Choices::default(), &mut |_| Ok(None)).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join(format!("r{ending}"));
+        match &rig.bound {
+            Some(bound) => {
+                crate::model::model_file::simulation::record(&rig, bound, &[], 2.0, 1, &path).map(drop).unwrap();
+            }
+            None => record(&rig, &[], 2.0, 1, &path, &ProgressBar::hidden()).map(drop).unwrap(),
+        }
+        Record::read(&path, &rig, &ReadOptions::default()).unwrap()
+    }
+
+    fn shipped(name: &str) -> String {
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs").join(name)).unwrap()
+    }
+
+    #[test]
+    fn a_rig_file_reads_the_motion_that_it_simulates_whatever_its_time_gain_and_offset() {
+        let model = shipped("duffing.toml");
+        let scaled = model
+            .replace("unit = \"m\"\n", "unit = \"m\"\ngain = 0.01\noffset = 0.5\n")
+            .replace("unit = \"N\"\n", "unit = \"N\"\ngain = -2.0\n")
+            .replace("sample_rate_hz", "time = \"clock\"\ntime_unit = \"ms\"\nsample_rate_hz");
+        let pendulum = shipped("seed.toml").replace("settle_s = 20.0", "settle_s = 0.0");
+        let turned = pendulum
+            .replace("counts_per_turn = 1024\n\n[[", "counts_per_turn = 1024\ngain = -1\noffset = 300\n\n[[")
+            .replace("sample_rate_hz", "time = \"clock\"\nsample_rate_hz");
+        assert!(turned.contains("offset = 300") && scaled.contains("gain = -2.0"));
+        for (plain, other) in [(&model, &scaled), (&pendulum, &turned)] {
+            for ending in [".csv", ".parquet"] {
+                let [a, b] = [plain, other].map(|text| simulated(text, ending));
+                let (a, b) = (&a.segments[0], &b.segments[0]);
+                assert!((a.start_s - b.start_s).abs() < 1e-9 && (a.step_s - b.step_s).abs() < 1e-9, "{ending}");
+                for (x, y) in a.columns.iter().zip(&b.columns) {
+                    match (x, y) {
+                        (Column::Counts(x), Column::Counts(y)) => assert_eq!(x, y, "{ending}"),
+                        (Column::Values(x), Column::Values(y)) => {
+                            assert!(x.iter().zip(y).all(|(x, y)| (x - y).abs() < 1e-9), "{ending}");
+                        }
+                        _ => panic!("columns of two kinds"),
+                    }
+                }
+            }
+        }
+    }
 }

@@ -130,7 +130,7 @@ def reduce(*records: Source, rig: Optional[Name] = None, modes: Optional[int] = 
 
 
 def init(*records: Source, output: Name, system: Optional[str] = None, drive_hz: Optional[float] = None, time: Optional[str] = None, map: Map = None,
-         recover: bool = False, report: Optional[Name] = None, force: bool = False) -> Draft:
+         recover: bool = False, force: bool = False) -> Draft:
     """Writes a commented rig file from what a record shows, to ``output``: ``whirl init``. What it guessed is in ``json`` and in the file.
 
     ``drive_hz`` is the drive's frequency where you know it, 0 for none.
@@ -141,7 +141,7 @@ def init(*records: Source, output: Name, system: Optional[str] = None, drive_hz:
 def simulate(rig: Optional[Name] = None, *, seconds: Optional[float] = None, seed: Optional[int] = None,
              effect: Union[str, Sequence[str], None] = None, model: Optional[Name] = None, from_: Optional[Source] = None,
              time: Optional[str] = None, map: Map = None, start: Optional[float] = None, initial: Optional[Sequence[float]] = None,
-             output: Optional[Name] = None, report: Optional[Name] = None, force: bool = False) -> Record:
+             output: Optional[Name] = None, force: bool = False) -> Record:
     """A record of a simulated rig, or with ``model`` of an identified one: ``whirl simulate``.
 
     ``effect`` is such as ``"quadratic-drag@arm2=2e-6"``; ``seconds`` and ``start`` in s; ``time`` and ``map`` read ``from_``;

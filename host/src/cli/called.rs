@@ -88,7 +88,8 @@ pub fn options(command: &str) -> Vec<CommandOption> {
     let mut all = super::command();
     all.build();
     let Some(command) = all.find_subcommand(command) else { return Vec::new() };
-    let wanted = command.get_arguments().filter(|a| !OF_PRINTING.contains(&a.get_id().as_str()));
+    let wanted =
+        command.get_arguments().filter(|a| !a.is_hide_set()).filter(|a| !OF_PRINTING.contains(&a.get_id().as_str()));
     let option = |a: &clap::Arg| CommandOption {
         name: a.get_long().map_or_else(|| a.get_id().to_string(), str::to_owned),
         help: a.get_help().map(ToString::to_string).unwrap_or_default(),

@@ -37,6 +37,18 @@ pub enum Method {
     Upo,
 }
 
+impl Method {
+    /// As it is named on the command line.
+    fn id(self) -> &'static str {
+        match self {
+            Self::Weak => "weak",
+            Self::Shooting => "shooting",
+            Self::Frequency => "frequency",
+            Self::Upo => "upo",
+        }
+    }
+}
+
 /// Choices of the weak form.
 #[derive(Clone, Copy, Debug, Args)]
 pub struct WeakForm {
@@ -82,6 +94,43 @@ pub struct Arguments {
     output: Option<PathBuf>,
     #[command(flatten)]
     balance: super::identify_balance::BalanceArguments,
+}
+
+impl Arguments {
+    /// Refuses an option that the method asked for does not read: it would change nothing, whatever
+    /// it says.
+    fn check_options(&self) -> Result<()> {
+        let weak = [
+            ("--window-s", self.weak.window_s.is_some()),
+            ("--max-frequency-hz", self.weak.max_frequency_hz.is_some()),
+            ("--pass-hz", self.weak.pass_hz.is_some()),
+        ];
+        let shooting = [("--segment-s", self.segment_s.is_some()), ("--bound", !self.bound.is_empty())];
+        let given = |list: &[(&'static str, bool)], of: &[Method]| -> Vec<(&'static str, Vec<Method>)> {
+            list.iter().filter(|o| o.1).map(|o| (o.0, of.to_vec())).collect()
+        };
+        let balance = self.balance.given().into_iter().map(|(option, [pieces, orbits])| {
+            let of = [(pieces, Method::Frequency), (orbits, Method::Upo)];
+            (option, of.iter().filter(|m| m.0).map(|m| m.1).collect())
+        });
+        // Shooting starts from the weak form.
+        let mut all = given(&weak, &[Method::Weak, Method::Shooting]);
+        all.extend(given(&shooting, &[Method::Shooting]).into_iter().chain(balance));
+        let reads = |of: &[Method]| match self.method {
+            Some(method) => of.contains(&method),
+            None => of.contains(&Method::Shooting),
+        };
+        let Some((option, of)) = all.into_iter().find(|(_, of)| !reads(of)) else { return Ok(()) };
+        let names: Vec<&str> = of.iter().map(|m| m.id()).collect();
+        let methods = format!("--method {}", names.join(" or "));
+        let asked = self.method.map_or_else(
+            || "no --method, which takes shooting or the weak form".to_owned(),
+            |m| format!("--method {}", m.id()),
+        );
+        Err(BadInput::new(asked, format!("{methods}, which alone reads this option"))
+            .at(option)
+            .remedy(format!("Leave the option out, or say {methods}")))
+    }
 }
 
 /// NAME=LOW:HIGH.
@@ -218,7 +267,7 @@ impl Single for Arguments {
     }
 
     fn prepare(&self, rig: Rig) -> Result<Rig> {
-        Ok(rig)
+        self.check_options().map(|()| rig)
     }
 
     fn analyse(&self, rig: &Rig) -> Result<Analysed<Identification>> {
@@ -269,5 +318,51 @@ impl Single for Arguments {
 
     fn cells(row: &mut Row, result: &Identification) {
         answers::identification(row, result);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::Parser;
+
+    use super::*;
+
+    #[derive(Parser)]
+    struct Line {
+        #[command(flatten)]
+        arguments: Arguments,
+    }
+
+    fn checked(options: &str) -> std::result::Result<(), String> {
+        let line = format!("identify r.csv --rig rig.toml {options}");
+        let line = Line::try_parse_from(line.split_whitespace()).map_err(|e| e.to_string())?;
+        line.arguments.check_options().map_err(|e| e.to_string())
+    }
+
+    #[test]
+    fn an_option_that_the_method_does_not_read_is_refused() {
+        for options in [
+            "",
+            "--window-s 2 --pass-hz 30 --segment-s 1 --bound C11=0:1",
+            "--method weak --window-s 2",
+            "--method shooting --window-s 2 --bound C11=0:1",
+            "--method frequency --piece-periods 60 --differentiation five-point --energy-balance",
+            "--method upo --tolerance 0.05 --longest-period 16 --delay 24 --known-coefficient C2=0.04",
+        ] {
+            assert_eq!(checked(options), Ok(()), "{options}");
+        }
+        for (options, parts) in [
+            ("--method weak --bound nonsense=0:1", ["--bound: found --method weak", "say --method shooting"]),
+            ("--method weak --segment-s 3", ["--segment-s: found --method weak", "--method shooting, which alone"]),
+            ("--method weak --known-coefficient c=1", ["--known-coefficient", "say --method frequency or upo"]),
+            ("--method frequency --bound C11=5:6", ["--bound: found --method frequency", "say --method shooting"]),
+            ("--method frequency --delay 3", ["--delay", "say --method upo"]),
+            ("--method upo --piece-periods 0", ["--piece-periods: found --method upo", "say --method frequency"]),
+            ("--method upo --window-s 3", ["--window-s", "say --method weak or shooting"]),
+            ("--beta 0.05", ["--beta: found no --method", "say --method frequency or upo"]),
+        ] {
+            let e = checked(options).unwrap_err();
+            assert!(parts.iter().all(|part| e.contains(part)), "{options}: {e}");
+        }
     }
 }

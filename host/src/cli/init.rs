@@ -7,7 +7,7 @@ use clap::Args;
 use super::output::{Output, Replace, print_warnings};
 use super::outputs::Outputs;
 use super::{Answer, Columns};
-use crate::error::{BadInput, Result};
+use crate::error::Result;
 use crate::files::write_file;
 use crate::init::{Settings, draft, garbled_names, write};
 use crate::record::ReadOptions;
@@ -46,11 +46,7 @@ pub struct Arguments {
 
 /// Looks at the record, writes the rig file.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    if arguments.out.report.is_some() {
-        return Err(BadInput::new("--report", "no report of a rig file")
-            .at("--report")
-            .remedy("`whirl inspect` writes one of the record"));
-    }
+    arguments.out.refuse_report("a rig file", "`whirl inspect` writes one of the record")?;
     Outputs::of(&arguments.out, Some(arguments.replace))
         .reads(&arguments.records)
         .record("-o", &arguments.output)

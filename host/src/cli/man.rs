@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::{Args, Command, CommandFactory};
+use clap::{Args, Command};
 use clap_mangen::Man;
 
+use super::Answer;
 use super::output::print;
 use super::outputs::Outputs;
-use super::{Answer, Cli};
 use crate::error::{BadInput, Result};
 use crate::files::write_file;
 
@@ -67,7 +67,7 @@ fn collect(command: &Command, name: &str, pages: &mut Vec<Page>) -> Result<()> {
 
 /// The pages of all commands, that of the program first.
 fn all() -> Result<Vec<Page>> {
-    let mut program = Cli::command().disable_help_subcommand(true);
+    let mut program = super::command().disable_help_subcommand(true);
     program.build();
     let mut pages = Vec::new();
     collect(&program, "whirl", &mut pages)?;
@@ -102,7 +102,7 @@ mod tests {
         );
         assert_eq!(page(&pages, &[]).unwrap(), pages[0].1);
         assert!(page(&pages, &["dance".to_owned()]).unwrap_err().to_string().contains("a command of `whirl --help`"));
-        let commands = Cli::command();
+        let commands = crate::cli::command();
         let below: usize = commands.get_subcommands().map(|c| 1 + c.get_subcommands().count()).sum();
         assert_eq!(pages.len(), 1 + below);
     }

@@ -23,6 +23,7 @@ mod init;
 mod inspect;
 mod list;
 mod man;
+mod numbers;
 pub mod output;
 mod outputs;
 mod plan;
@@ -292,8 +293,17 @@ impl Records {
 
 /// The command line with all its subcommands.
 fn command() -> clap::Command {
-    Cli::command().mut_subcommand("batch", batch::without_single_outputs)
+    let all = Cli::command().mut_subcommand("batch", batch::without_single_outputs);
+    // They refuse it with a message of their own.
+    let all = all.mut_subcommands(|c| match WITHOUT_REPORT.contains(&c.get_name()) {
+        true => c.mut_arg("report", |a| a.hide(true)),
+        false => c,
+    });
+    numbers::below_0(all)
 }
+
+/// Commands of whose answer there is no report.
+const WITHOUT_REPORT: [&str; 3] = ["simulate", "init", "export"];
 
 /// Parses, runs, reports.
 pub fn main() -> ExitCode {
@@ -349,5 +359,14 @@ mod tests {
     #[test]
     fn no_command_has_two_options_of_one_name() {
         super::command().debug_assert();
+    }
+
+    #[test]
+    fn a_command_without_a_report_names_none_in_its_help() {
+        for name in ["simulate", "init", "export", "identify"] {
+            let mut all = super::command();
+            let help = all.find_subcommand_mut(name).unwrap().render_long_help().to_string();
+            assert_eq!(help.contains("--report"), name == "identify", "{name}");
+        }
     }
 }

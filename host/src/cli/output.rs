@@ -81,6 +81,17 @@ impl Output {
         write_file(path, text.as_bytes())
     }
 
+    /// Refuses `--report` where there is none of what a command does.
+    ///
+    /// # Errors
+    /// It was asked for; `remedy` says what has one.
+    pub fn refuse_report(&self, of: &str, remedy: &str) -> Result<()> {
+        if self.report.is_none() {
+            return Ok(());
+        }
+        Err(BadInput::new("--report", format!("no report of {of}")).at("--report").remedy(remedy))
+    }
+
     /// Prints the answer for people, unless standard output is taken by the JSON.
     pub fn say(&self, text: &str) {
         if !self.json.as_deref().is_some_and(is_standard_output) {

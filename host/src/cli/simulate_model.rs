@@ -21,7 +21,7 @@ use crate::record::names::TimeChoice;
 use crate::record::values::write_values_from;
 use crate::record::writer::check_ending;
 use crate::record::{ReadOptions, Record, metadata, names};
-use crate::rig::{LONGEST_S, MOST_SAMPLES, Rig};
+use crate::rig::{Channel, LONGEST_S, MOST_SAMPLES, Rig};
 use crate::wording::format::{count, shortest};
 
 /// Length where neither a record nor `--seconds` says one, s.
@@ -91,7 +91,7 @@ pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
     write_values_from(&arguments.output, &Rig { sample_rate_hz, ..rig.clone() }, start_s, &columns)?;
     let summary = summary(&motion, &rig, &begin, &solution, start_s);
     arguments.out.write_json(&summary)?;
-    arguments.out.say(&said(&summary, &motion, &arguments.output));
+    arguments.out.say(&said(&summary, &rig, &motion, &arguments.output));
     Ok(Answer::Positive)
 }
 
@@ -182,15 +182,20 @@ fn summary(motion: &Motion, rig: &Rig, begin: &Begin, solution: &Solution, start
 }
 
 /// The answer for people.
-fn said(s: &Summary, motion: &Motion, output: &Path) -> String {
+fn said(s: &Summary, rig: &Rig, motion: &Motion, output: &Path) -> String {
     // A name that tells its unit is not told it twice.
-    let told = |c: &Shown| match names::split(&c.name).1 {
+    let told = |c: &Channel| match names::split(&c.name).1 {
         Some(unit) if unit == c.unit => c.name.clone(),
+        _ if !c.is_plain() => format!("{} ({} with the rig file's gain and offset)", c.name, c.unit),
         _ => format!("{} ({})", c.name, c.unit),
     };
-    let columns: Vec<String> = s.channels.iter().map(told).collect();
+    let columns: Vec<String> = rig.channel.iter().map(told).collect();
+    let time = match names::written_time(&rig.time) {
+        (name, 1.0) if names::split(&name).1.is_none() => format!("{name} (s)"),
+        (name, _) => name,
+    };
     let mut out = format!(
-        "{} samples ({} s from t = {} s, {} Hz) of {} in {}\ncolumns: t (s), {}\n",
+        "{} samples ({} s from t = {} s, {} Hz) of {} in {}\ncolumns: {time}, {}\n",
         count(s.samples),
         shortest(s.seconds),
         shortest(s.start_s),

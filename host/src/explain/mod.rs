@@ -17,6 +17,7 @@
 //! What was counted with them, or with earlier values of some, is in
 //! docs/explain/how-often-right.md.
 
+mod asked;
 pub mod card;
 mod decidability;
 mod decision;
@@ -78,6 +79,14 @@ pub struct Settings {
 /// # Errors
 /// As [`identify::identify`]; a `model` that is not of this rig.
 pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
+    let mut result = of_inputs(records, rig, settings)?;
+    let longest_s = records.iter().map(Record::longest_segment_s).fold(0.0, f64::max);
+    asked::tell_in(&mut result, settings, 1.0 / rig.sample_rate_hz, longest_s);
+    Ok(result)
+}
+
+/// The same with inputs that are held between samples where they show to be.
+fn of_inputs(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
     let suspects = identify::suspects::examine(records, rig);
     if let Some((held, warning)) = identify::held_inputs::taken_as_held(records, rig, &suspects) {
         let mut result = suspecting(&held, rig, settings, identify::suspects::examine(&held, rig))?;

@@ -12,7 +12,7 @@ use super::raw::{Raw, nice};
 use super::{DraftDrive, Statement};
 use crate::error::{BadInput, Result};
 use crate::inspect::motion;
-use crate::rig::Direction;
+use crate::rig::{Direction, MOST_A_PERIOD, RATES};
 use crate::signal::spectrum::{self, Density};
 use crate::statistics::median;
 use crate::wording::format::significant;
@@ -55,8 +55,13 @@ pub(super) struct Drives {
 /// # Errors
 /// A frequency that a record of this rate cannot have.
 pub(super) fn told(hz: f64, rate_hz: f64) -> Result<Drives> {
-    if !(hz >= 0.0 && hz < 0.5 * rate_hz) {
-        return Err(BadInput::new(format!("{hz}"), format!("0 (no drive) to half of {rate_hz} Hz")).at("--drive-hz"));
+    // What a rig file may have: see `rig::checks::drive`.
+    let (least, most) = (RATES.start().max(rate_hz / MOST_A_PERIOD), rate_hz / 10.0);
+    if hz != 0.0 && !(least..=most).contains(&hz) {
+        let expected = format!("0 (no drive), or {least} to {most} Hz, a tenth of the record's {rate_hz} Hz");
+        return Err(BadInput::new(format!("{hz}"), expected)
+            .at("--drive-hz")
+            .remedy("Say the frequency in Hz; a faster drive needs a record of a higher rate"));
     }
     let why = vec![
         Statement::new("drive", format!("{hz} Hz"), "--drive-hz says so"),
@@ -222,6 +227,20 @@ fn stands(x: &[f64], rate: f64, hz: f64) -> Option<f64> {
 mod tests {
     use super::*;
     use rand::{RngExt, SeedableRng};
+
+    #[test]
+    fn a_drive_that_is_told_is_one_that_a_rig_file_may_have() {
+        for (hz, is_driven) in [(0.0, false), (20.0, true), (0.01, true)] {
+            assert_eq!(told(hz, 200.0).unwrap().known.is_some(), is_driven, "{hz}");
+        }
+        for hz in [50.0, 150.0, -5.0, f64::NAN, 1e-5] {
+            let e = told(hz, 200.0).err().unwrap().to_string();
+            assert!(
+                e.starts_with("--drive-hz: ") && e.contains("0.0002 to 20 Hz, a tenth of the record's 200 Hz"),
+                "{e}"
+            );
+        }
+    }
 
     #[test]
     fn a_line_that_stands_is_told_from_one_that_dies_or_wanders() {

@@ -18,6 +18,7 @@ use std::path::{Path, PathBuf};
 use serde::Serialize;
 
 use self::columns::Seen;
+use self::raw::Raw;
 use crate::error::{BadInput, Result, plain};
 use crate::record::names::TimeChoice;
 use crate::record::{ReadOptions, Record, formats, metadata};
@@ -291,11 +292,16 @@ pub fn columns_of(path: &Path, settings: &Settings) -> Result<Record> {
 }
 
 /// The error for a record in which nothing could be a channel.
-fn nothing_to_measure(path: &Path, seen: &[Seen]) -> BadInput {
+fn nothing_to_measure(raw: &Raw, seen: &[Seen]) -> BadInput {
     let list: Vec<String> = seen.iter().map(|s| format!("{} ({})", s.name, s.kind.words())).collect();
-    let found = if list.is_empty() { "no column of numbers but the time".to_owned() } else { list.join(", ") };
+    let left: Vec<String> = raw.unused.iter().map(|s| format!("{}: {}", s.of, s.why)).collect();
+    let found = match (list.is_empty(), left.is_empty()) {
+        (true, true) => "no column of numbers but the time".to_owned(),
+        (true, false) => format!("no column of numbers but the time ({})", left.join("; ")),
+        _ => list.join(", "),
+    };
     BadInput::new(found, "a column that moves")
-        .in_file(path)
+        .in_file(&raw.path)
         .at("columns")
         .remedy("Export the angles or displacements, one column each, beside the time")
 }

@@ -104,9 +104,13 @@ pub(super) fn read(path: &Path, settings: &Settings) -> Result<Raw> {
     if !said && !LIKELY.contains(&record.sample_rate_hz) {
         other_unit(&mut record, &mut time, &mut why, &name);
     }
-    let not_numbers = listed.iter().filter(|l| !l.is_number && !l.name.is_empty() && l.name != name);
-    let mut unused: Vec<Statement> =
-        not_numbers.map(|l| Statement::new(&l.name, "not used", "its cells are no numbers")).collect();
+    let not_numbers = listed.iter().filter(|l| {
+        !l.is_number && !l.name.is_empty() && l.name != name && listed.iter().filter(|o| o.name == l.name).count() == 1
+    });
+    let mut unused: Vec<Statement> = not_numbers
+        .map(|l| Statement::new(&l.name, "not used", "the cells of its first rows are no numbers"))
+        .collect();
+    unused.extend(twice(&listed));
     unused.extend(sparse.into_iter().map(|n| Statement::new(n, "not used", "many of its cells are empty")));
     Ok(Raw { path: path.to_path_buf(), record, time, why, unused })
 }
@@ -128,6 +132,19 @@ fn numbers(listed: &[Listed]) -> Vec<String> {
     let device = |name: &str| own && DEVICE.contains(&name);
     let fits = |l: &&Listed| l.is_number && !l.name.is_empty() && once(&l.name) && !device(&l.name);
     listed.iter().filter(fits).map(|l| l.name.clone()).collect()
+}
+
+/// What is said of columns that have one name, so that nobody can say which is meant.
+fn twice(listed: &[Listed]) -> Vec<Statement> {
+    let mut out: Vec<Statement> = Vec::new();
+    for l in listed.iter().filter(|l| !l.name.is_empty()) {
+        let times = listed.iter().filter(|o| o.name == l.name).count();
+        if times > 1 && !out.iter().any(|s| s.of == l.name) {
+            let why = format!("{times} columns have this name in the header: rename them, each its own");
+            out.push(Statement::new(&l.name, "not used", why).unsure());
+        }
+    }
+    out
 }
 
 /// The first column that increases evenly, and the record read by it.

@@ -9,6 +9,8 @@ use crate::error::{BadInput, Result};
 use crate::model::MODELS;
 use crate::model::model_file::toml_place::{self, Source};
 use crate::model::model_file::{self, Space};
+use crate::rig::declared::{self, Declared};
+use crate::rig::measures::BASE;
 use crate::system::library::Pendulum;
 use crate::system::{self, library};
 
@@ -34,6 +36,31 @@ pub(super) struct Chosen {
 struct Need {
     name: String,
     kind: Kind,
+    /// What the system counts it in; none where that is left open.
+    declared: Option<Declared>,
+}
+
+impl Need {
+    /// Whether a column cannot be this quantity, its unit being of another kind.
+    fn refuses(&self, s: &Seen) -> bool {
+        self.declared.as_ref().is_some_and(|d| d.contradicts(s.unit))
+    }
+
+    /// What it is, for messages.
+    fn words(&self) -> String {
+        match &self.declared {
+            Some(d) if self.kind == Kind::Input => format!("{} in {}", self.kind.words(), d.words),
+            _ => self.kind.words().to_owned(),
+        }
+    }
+}
+
+/// What a column is, for messages.
+fn words(s: &Seen) -> String {
+    match s.kind {
+        Kind::Input => format!("{} in {}", s.kind.words(), s.unit),
+        _ => s.kind.words().to_owned(),
+    }
 }
 
 /// What a system needs.
@@ -43,20 +70,27 @@ struct Needs {
 }
 
 fn built_in(id: &str) -> Option<Needs> {
-    let list =
-        Pendulum::named(id)?.encoders().iter().map(|n| Need { name: (*n).to_owned(), kind: Kind::Angle }).collect();
-    Some(Needs { list, phase: true })
+    let angle = |n: &&str| Need { name: (*n).to_owned(), kind: Kind::Angle, declared: Some(Declared::angle()) };
+    Some(Needs { list: Pendulum::named(id)?.encoders().iter().map(angle).collect(), phase: true })
 }
 
 fn of_source(source: Source) -> Result<Needs> {
     let model = system::model_of(source, None, 1.0)?;
-    let coordinate = |c: &model_file::Coordinate| Need {
+    let (coordinates, inputs) = declared::of_model(&model);
+    let coordinate = |(c, declared): (&model_file::Coordinate, Option<Declared>)| Need {
         name: c.name.clone(),
         kind: if c.space == Space::Circle { Kind::Angle } else { Kind::Length },
+        declared,
     };
-    let inputs = model.inputs.iter().map(|u| Need { name: u.clone(), kind: Kind::Input });
+    // The base's position is made an acceleration of.
+    let input = |(u, declared): (&String, Option<Declared>)| Need {
+        name: u.clone(),
+        kind: Kind::Input,
+        declared: declared.filter(|_| u != BASE),
+    };
     let phase = model.uses_phase();
-    Ok(Needs { list: model.coordinates.iter().map(coordinate).chain(inputs).collect(), phase })
+    let inputs = model.inputs.iter().zip(inputs).map(input);
+    Ok(Needs { list: model.coordinates.iter().zip(coordinates).map(coordinate).chain(inputs).collect(), phase })
 }
 
 /// The model as the rig file names it, and what it needs.
@@ -117,7 +151,16 @@ pub(super) fn choose(raw: &Raw, seen: &[Seen], settings: &Settings) -> Result<Ch
         } else {
             s.kind.words().to_owned()
         };
-        unused.push(Statement::new(&s.name, "not used", why));
+        let statement = Statement::new(&s.name, "not used", why);
+        unused.push(
+            match needs.list.iter().find(|n| n.refuses(s) && (n.kind == s.kind || same_name(&s.name, &n.name))) {
+                Some(n) => {
+                    let why = format!("its unit {} is none of {}, {}", s.unit, n.name, n.words());
+                    Statement::new(&s.name, "not used", why).unsure()
+                }
+                None => statement,
+            },
+        );
     }
     let channels = columns.iter().zip(&needs.list).map(|(s, n)| channel(s, &n.name)).collect();
     Ok(Chosen { model: Some(model), why, channels, unused, may_be_driven: needs.phase })
@@ -128,7 +171,7 @@ fn as_they_stand(raw: &Raw, seen: &[Seen]) -> Result<Chosen> {
     let moves = |s: &&Seen| !matches!(s.kind, Kind::Counter | Kind::Constant);
     let channels: Vec<DraftChannel> = seen.iter().filter(moves).map(|s| channel(s, &s.name)).collect();
     if channels.is_empty() {
-        return Err(super::nothing_to_measure(&raw.path, seen));
+        return Err(super::nothing_to_measure(raw, seen));
     }
     let left = seen.iter().filter(|s| !moves(s)).map(|s| Statement::new(&s.name, "not used", s.kind.words()));
     Ok(Chosen { model: None, why: Vec::new(), channels, unused: left.collect(), may_be_driven: false })
@@ -169,6 +212,15 @@ fn assign<'a>(raw: &Raw, seen: &'a [Seen], needs: &mut Needs, settings: &Setting
             let list: Vec<&str> = needs.list.iter().map(|n| n.name.as_str()).collect();
             return Err(BadInput::new(format!("\"{measure}\""), format!("one of {}", list.join(", "))).at("--map"));
         };
+        if needs.list[k].refuses(found) {
+            return Err(BadInput::new(
+                format!("{column}, {}", words(found)),
+                format!("a column for {measure}, {}", needs.list[k].words()),
+            )
+            .in_file(&raw.path)
+            .at("--map")
+            .remedy("Name the column that shows it, or another system with --system"));
+        }
         out[k] = Some(found);
         needs.list[k].name.clone_from(measure);
     }
@@ -178,7 +230,7 @@ fn assign<'a>(raw: &Raw, seen: &'a [Seen], needs: &mut Needs, settings: &Setting
         .filter(|s| !out.iter().flatten().any(|o| o.index == s.index))
         .collect();
     for (k, need) in needs.list.iter().enumerate().filter(|(k, _)| out[*k].is_none()).collect::<Vec<_>>() {
-        if let Some(i) = free.iter().position(|s| same_name(&s.name, &need.name)) {
+        if let Some(i) = free.iter().position(|s| same_name(&s.name, &need.name) && !need.refuses(s)) {
             out[k] = Some(free.remove(i));
         }
     }
@@ -192,7 +244,8 @@ fn assign<'a>(raw: &Raw, seen: &'a [Seen], needs: &mut Needs, settings: &Setting
     // First those whose kind fits, then any whose kind nothing says.
     for wanted in [false, true] {
         for (k, need) in needs.list.iter().enumerate() {
-            let fits = |s: &&Seen| if wanted { s.kind == Kind::Unknown } else { s.kind == need.kind };
+            let fits =
+                |s: &&Seen| !need.refuses(s) && if wanted { s.kind == Kind::Unknown } else { s.kind == need.kind };
             if out[k].is_none()
                 && let Some(i) = free.iter().position(fits)
             {
@@ -203,10 +256,10 @@ fn assign<'a>(raw: &Raw, seen: &'a [Seen], needs: &mut Needs, settings: &Setting
     match out.iter().position(Option::is_none) {
         None => Ok(out.into_iter().flatten().collect()),
         Some(k) => {
-            let list: Vec<String> = seen.iter().map(|s| format!("{} ({})", s.name, s.kind.words())).collect();
+            let list: Vec<String> = seen.iter().map(|s| format!("{} ({})", s.name, words(s))).collect();
             Err(BadInput::new(
                 list.join(", "),
-                format!("a column for {}, {}", needs.list[k].name, needs.list[k].kind.words()),
+                format!("a column for {}, {}", needs.list[k].name, needs.list[k].words()),
             )
             .in_file(&raw.path)
             .at("columns")
@@ -234,7 +287,7 @@ fn untold(raw: &Raw, seen: &[Seen], angles: usize) -> BadInput {
     let usable = |s: &&Seen| matches!(s.kind, Kind::Angle | Kind::Length | Kind::Input | Kind::Unknown);
     let columns: Vec<String> = seen.iter().filter(usable).map(|s| format!("{} ({})", s.name, s.kind.words())).collect();
     if columns.is_empty() {
-        return super::nothing_to_measure(&raw.path, seen);
+        return super::nothing_to_measure(raw, seen);
     }
     let fits = |text: &str, name: &str| {
         let source = Source { text: text.to_owned(), path: Path::new(name).to_path_buf() };

@@ -157,3 +157,40 @@ fn names_that_are_not_utf8_are_told_with_the_remedy() {
     let told = garbled_names(&path).unwrap();
     assert!(told.id == "names-not-utf8" && told.advice.contains("iconv -f latin1 -t utf8"), "{told:?}");
 }
+
+#[test]
+fn a_word_for_a_missing_value_is_a_gap_and_another_word_is_told_with_its_line() {
+    let text = |word: &str, line: usize| {
+        let cell = |i: f64| if i as usize + 2 == line { word.to_owned() } else { format!("{:.4}", (0.02 * i).sin()) };
+        format!("t,x_mm,force_N\n{}", rows(3000, |i| format!("{},{},{:.3}", 0.002 * i, cell(i), (0.07 * i).cos())))
+    };
+    for word in ["NA", "-", "n/a", "null", "#N/A", "NaN", "None", "-nan(ind)", ""] {
+        for line in [3, 20, 200] {
+            let d = drafted("a.csv", &text(word, line), Some("positioning-drive")).unwrap();
+            assert_eq!(channel(&d, "x_mm").measures, "q", "{word} in line {line}");
+        }
+    }
+    for line in [20, 200] {
+        let e = drafted("a.csv", &text("broken", line), Some("positioning-drive")).unwrap_err().to_string();
+        assert!(e.contains(&format!("line {line}")) && e.contains("found \"broken\", expected a number. Mend"), "{e}");
+    }
+    // A column of remarks is none of numbers.
+    let plain = text("", 0);
+    let noted: String =
+        plain.lines().enumerate().map(|(i, l)| format!("{l},{}\n", if i % 3 == 0 { "1" } else { "ok" })).collect();
+    let d = drafted("a.csv", &noted, Some("positioning-drive")).unwrap();
+    assert!(d.unused.iter().any(|s| s.why.contains("are no numbers")), "{:?}", d.unused);
+}
+
+#[test]
+fn a_name_that_two_columns_have_is_told() {
+    let head = |names: &str| {
+        let row =
+            |i: f64| format!("{},{:.4},{:.3},{:.3}", 0.002 * i, (0.02 * i).sin(), (0.07 * i).cos(), (0.05 * i).cos());
+        format!("{names}\n{}", rows(3000, row))
+    };
+    let d = drafted("a.csv", &head("t,x_mm,y,y"), None).unwrap_err().to_string();
+    assert!(d.contains("1 channel"), "{d}");
+    let e = drafted("a.csv", &head("t,x,x,x"), None).unwrap_err().to_string();
+    assert!(e.contains("x: 3 columns have this name in the header: rename them"), "{e}");
+}

@@ -123,6 +123,8 @@ fn apart(a: Option<&[Vec<f64>]>, b: Option<&[Vec<f64>]>) -> f64 {
 pub fn columns(motion: &Motion, solution: &Solution, step_s: f64) -> Result<Vec<Column>> {
     let shown = mixed(&motion.bound.shown, &solution.coordinates);
     let channels = motion.rig.channel.iter().enumerate();
+    let too_far =
+        || BadInput::new("an angle beyond 32 bits of counts", "fewer turns").remedy("Simulate a shorter time");
     channels
         .map(|(k, c)| {
             let scale = c.scale();
@@ -131,13 +133,11 @@ pub fn columns(motion: &Motion, solution: &Solution, step_s: f64) -> Result<Vec<
                 let remedy = "What moves the model is the base's acceleration, of which no position can be written";
                 motion.bound.refuse_base_position(&motion.rig, input, remedy)?;
                 let shown = motion.recorded(input, &Samples { values: u, start_s: 0.0, step_s });
-                return Ok(Column::Values(shown.into_iter().map(|u| u / scale).collect()));
+                return column(c, shown.into_iter().map(|u| u / scale)).ok_or_else(too_far);
             }
             let sensor = motion.bound.sensors.iter().position(|i| *i == k).unwrap_or(0);
             let x = motion.shown(sensor, &Samples { values: &shown[sensor], start_s: 0.0, step_s });
-            column(c, x.into_iter().map(|x| x / scale)).ok_or_else(|| {
-                BadInput::new("an angle beyond 32 bits of counts", "fewer turns").remedy("Simulate a shorter time")
-            })
+            column(c, x.into_iter().map(|x| x / scale)).ok_or_else(too_far)
         })
         .collect()
 }

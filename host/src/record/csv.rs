@@ -277,22 +277,30 @@ fn head<R: BufRead>(lines: &mut Lines<R>, path: &Path, rig: &Rig) -> Result<Head
     }
 }
 
-/// Columns of a file, and whether the first rows have numbers in them.
+/// Columns of a file, and whether most cells of the first rows are numbers.
 fn listed<R: BufRead>(reader: R, path: &Path, time: &TimeChoice) -> Result<Vec<Listed>> {
     let mut lines = Lines::new(reader);
     let rig = Rig::of_columns(&[], time.clone());
     let head = head(&mut lines, path, &rig)?;
     let mut cells = Cells::default();
-    let mut number = vec![None; head.names.len()];
+    // Cells that are numbers, and cells that are something else.
+    let mut seen = vec![(0, 0); head.names.len()];
+    let comma = csv_head::decimal_comma(head.delimiter);
     for line in lines.look_ahead(LOOK_AT).into_iter().filter(|l| !csv_head::is_no_row(l)) {
-        if !cells.split(line, head.delimiter) || cells.len() != number.len() {
+        if !cells.split(line, head.delimiter) || cells.len() != seen.len() {
             continue;
         }
-        for (i, n) in number.iter_mut().enumerate().filter(|(i, _)| !cells.get(*i).is_empty()) {
-            *n = Some(n.unwrap_or(true) && number_of(cells.get(i), csv_head::decimal_comma(head.delimiter)).is_some());
+        for (i, (numbers, others)) in seen.iter_mut().enumerate() {
+            match number_of(cells.get(i), comma) {
+                Some(_) => *numbers += 1,
+                None if csv_head::is_missing(cells.get(i)) => {}
+                None => *others += 1,
+            }
         }
     }
-    Ok(head.names.into_iter().zip(number).map(|(name, n)| Listed { name, is_number: n == Some(true) }).collect())
+    // A column of numbers with a word in it is one: where it is read, the word is told with its line.
+    let listed = |(name, (numbers, others)): (String, (u64, u64))| Listed { name, is_number: numbers > others };
+    Ok(head.names.into_iter().zip(seen).map(listed).collect())
 }
 
 fn too_long(path: &Path, number: u64) -> BadInput {

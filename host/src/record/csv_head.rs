@@ -49,6 +49,29 @@ pub(super) fn number_of(text: &[u8], decimal_comma: bool) -> Option<f64> {
     text.parse().ok()
 }
 
+/// What people and programs write for a value that is not there, in small letters; NaN is a number.
+const MISSING: [&[u8]; 14] = [
+    b"",
+    b"na",
+    b"n/a",
+    b"#n/a",
+    b"#n/a n/a",
+    b"<na>",
+    b"null",
+    b"none",
+    b"-",
+    b"--",
+    b"-nan(ind)",
+    b"nan(ind)",
+    b"-1.#ind",
+    b"1.#qnan",
+];
+
+/// Whether a cell says that there is no value: empty, or one of the words for it.
+pub(super) fn is_missing(cell: &[u8]) -> bool {
+    MISSING.iter().any(|word| cell.eq_ignore_ascii_case(word))
+}
+
 /// Whether a comma may stand before decimals.
 pub(super) fn decimal_comma(delimiter: u8) -> bool {
     delimiter != b','
@@ -165,8 +188,8 @@ fn first_rows(lines: &[&[u8]], delimiter: u8) -> Option<(usize, usize)> {
 /// Whether cells may be a row: two or more, all of them values, not all empty.
 fn is_row(cells: &[Vec<u8>], delimiter: u8) -> bool {
     cells.len() >= 2
-        && cells.iter().all(|c| c.is_empty() || is_value(c, delimiter))
-        && cells.iter().any(|c| !c.is_empty())
+        && cells.iter().all(|c| is_missing(c) || is_value(c, delimiter))
+        && cells.iter().any(|c| !is_missing(c))
 }
 
 fn is_value(cell: &[u8], delimiter: u8) -> bool {

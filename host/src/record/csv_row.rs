@@ -4,9 +4,10 @@
 use std::path::Path;
 
 use super::csv::{EXACT, OWN_COLUMNS};
-use super::csv_head::{self, Head, number_of};
+use super::csv_head::{self, Head, is_missing, number_of};
 use super::formats::shown;
 use super::lines::Cells;
+use super::names::TimeChoice;
 use super::rows::{Cell, Rows, sources};
 use super::{Column, dates, names};
 use crate::error::{BadInput, Result, plain};
@@ -41,7 +42,6 @@ pub(super) struct Row {
 /// Where the columns stand.
 pub(super) fn layout(head: &Head, path: &Path, rig: &Rig) -> Result<Layout> {
     let names = &head.names;
-    let t = names::time_column(names, &rig.time, path)?;
     let columns = sources(rig).columns;
     let channels = names::find_all(names, &columns, path)?;
     let own = OWN_COLUMNS.map(|name| names.iter().position(|n| n == name));
@@ -49,6 +49,11 @@ pub(super) fn layout(head: &Head, path: &Path, rig: &Rig) -> Result<Layout> {
         [Some(a), Some(b), Some(c)] => Some([a, b, c]),
         _ => None,
     };
+    // whirl's own records call the time t, whatever other records of the rig call it.
+    let t = names::time_column(names, &rig.time, path).or_else(|e| match own {
+        Some(_) => names::time_column(names, &TimeChoice::default(), path).map_err(|_| e),
+        None => Err(e),
+    })?;
     let per_second = t.per_second.unwrap_or(1.0);
     let mended = head.row_cells.map(|n| mended(names, n, char::from(head.delimiter)));
     Ok(Layout {
@@ -105,13 +110,16 @@ pub(super) fn parse(
         let integer = if counts { core::str::from_utf8(text).ok().and_then(|s| s.parse::<i64>().ok()) } else { None };
         let cell = match integer {
             Some(value) => rows.check_integer(number, k, value)?,
-            None if text.is_empty() => Cell::Missing,
+            None if is_missing(text) => Cell::Missing,
             None => match number_of(text, comma) {
                 Some(value) => rows.check_number(number, k, value)?,
                 None => {
                     let c = &rows.sources.columns[k];
+                    // Columns of which nothing is known yet have the unit 1.
+                    let expected =
+                        if c.unit == "1" { "a number".to_owned() } else { format!("a number in {}", c.unit) };
                     return Err(rows
-                        .bad(number, &c.name, shown(text), &format!("a number in {}", c.unit))
+                        .bad(number, &c.name, shown(text), &expected)
                         .remedy("Mend the cell, or leave it empty (that is a gap)"));
                 }
             },

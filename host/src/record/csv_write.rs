@@ -30,8 +30,9 @@ pub(super) struct CsvWriter {
 }
 
 impl CsvWriter {
-    pub(super) fn create(path: &Path, metadata: &Metadata, rig: &Rig) -> Result<Self> {
-        let file = create_file(path)?;
+    /// `place`: the file that is opened, which may be another until the record has its name.
+    pub(super) fn create(path: &Path, place: &Path, metadata: &Metadata, rig: &Rig) -> Result<Self> {
+        let file = create_file(path, place)?;
         let sink = if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gz")) {
             Sink::Gzip(BufWriter::new(GzEncoder::new(file, Compression::default())))
         } else {
@@ -93,8 +94,8 @@ pub(crate) fn is_formula(text: &str) -> bool {
     text.starts_with(['=', '+', '-', '@'])
 }
 
-/// Opens a file for writing, with a remedy where that fails.
-pub(super) fn create_file(path: &Path) -> Result<File> {
-    File::create(path)
+/// Opens a file for writing at a place, with a remedy for its name where that fails.
+pub(super) fn create_file(path: &Path, place: &Path) -> Result<File> {
+    File::create(place)
         .map_err(|e| BadInput::io(path, &e).remedy("Name an output file in a folder that exists and can be written"))
 }

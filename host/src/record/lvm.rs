@@ -16,7 +16,7 @@ use std::io::BufRead;
 use std::path::Path;
 
 use super::arrays::{self, Array};
-use super::csv_head::number_of;
+use super::csv_head::{is_missing, number_of};
 use super::formats::{Format, Listed, ReadOptions, open, shown};
 use super::lines::{Line, Lines};
 use super::rows::ROW_LIMIT;
@@ -290,7 +290,11 @@ impl<R: BufRead> Reader<'_, R> {
         let mut values = Vec::with_capacity(width);
         for (k, &column) in channels.iter().enumerate() {
             let cell = cells.get(column).copied().unwrap_or_default();
-            values.push(if cell.is_empty() { f64::NAN } else { number(cell).ok_or_else(|| wrong(k + 1, cell))? });
+            values.push(if is_missing(cell.as_bytes()) {
+                f64::NAN
+            } else {
+                number(cell).ok_or_else(|| wrong(k + 1, cell))?
+            });
         }
         let cell = cells.first().copied().unwrap_or_default();
         let own = match self.head.times {

@@ -10,6 +10,7 @@ use std::path::Path;
 use super::rows::missing_column;
 use crate::error::{BadInput, Result};
 use crate::rig::Channel;
+use crate::wording::close::closest;
 
 /// What the time is called, without its unit, in small letters.
 const TIMES: [&str; 16] = [
@@ -206,7 +207,7 @@ pub fn time_column(names: &[String], choice: &TimeChoice, path: &Path) -> Result
         None => (None, None),
     };
     let index = match wanted {
-        Some(c) => find(names, c, path)?,
+        Some(c) => find(names, c, path).map_err(|e| not_the_time(e, names, c, behind))?,
         None => called_time(names, path)?,
     };
     let name = names[index].clone();
@@ -222,6 +223,17 @@ pub fn time_column(names: &[String], choice: &TimeChoice, path: &Path) -> Result
         (None, None) => None,
     };
     Ok(TimeColumn { index, name, per_second })
+}
+
+/// The column of the time as a record is written that is to be read with this choice: its name,
+/// and how many of its units there are in a second.
+pub fn written_time(choice: &TimeChoice) -> (String, f64) {
+    let name = match choice.column.as_deref() {
+        Some(c) => c.rsplit_once(':').filter(|(_, unit)| per_second(unit).is_some()).map_or(c, |(column, _)| column),
+        None => "t",
+    };
+    let found = time_column(&[name.to_owned()], choice, Path::new(""));
+    (name.to_owned(), found.ok().and_then(|t| t.per_second).unwrap_or(1.0))
 }
 
 /// The only column that is called like a time.
@@ -247,6 +259,18 @@ fn called_time(names: &[String], path: &Path) -> Result<usize> {
                 .remedy(format!("Say which: --time \"{0}\", or time = \"{0}\" in the rig file", names[first])))
         }
     }
+}
+
+/// The error for a chosen time that is not there, with what is done about a time.
+fn not_the_time(e: BadInput, names: &[String], wanted: &str, unit: Option<&str>) -> BadInput {
+    if names.iter().any(|n| n == wanted) {
+        return e;
+    }
+    let unit = unit.map_or_else(String::new, |u| format!(":{u}"));
+    e.remedy(match closest(wanted, names.iter().map(String::as_str)) {
+        Some(h) => format!("Did you mean {h}? Say --time \"{h}{unit}\", or time = \"{h}{unit}\" in the rig file"),
+        None => "Say which column is the time: --time COLUMN, or time = \"COLUMN\" in the rig file".to_owned(),
+    })
 }
 
 fn twice(path: &Path, name: &str) -> BadInput {
@@ -369,6 +393,21 @@ mod tests {
         assert_eq!(choose("a:ms", None).unwrap().index, 1);
         assert_eq!(choose("Clock", None).unwrap().index, 0);
         assert!(choose("clock", Some("fortnight")).unwrap_err().to_string().contains("a unit of time: s, ms"));
-        assert!(choose("none", None).is_err());
+        let missing = |column: &str| choose(column, None).unwrap_err().to_string();
+        let close = missing("clok:ms");
+        assert!(close.contains("Did you mean clock? Say --time \"clock:ms\", or time = \"clock:ms\""), "{close}");
+        assert!(missing("Winkelzeit").contains("--time COLUMN, or time = \"COLUMN\" in the rig file"));
+        let written = |column: Option<&str>, unit: Option<&str>| {
+            let choice = TimeChoice { column: column.map(Into::into), unit: unit.map(Into::into) };
+            let (name, per_second) = written_time(&choice);
+            let read = time_column(&names(&["x", &name]), &choice, Path::new("r.csv")).unwrap();
+            assert_eq!((read.index, read.per_second.unwrap_or(1.0)), (1, per_second), "{choice:?}");
+            (name, per_second)
+        };
+        assert_eq!(written(None, None), ("t".to_owned(), 1.0));
+        assert_eq!(written(None, Some("ms")), ("t".to_owned(), 1e3));
+        assert_eq!(written(Some("t / us"), None), ("t / us".to_owned(), 1e6));
+        assert_eq!(written(Some("clock:ms"), None), ("clock".to_owned(), 1e3));
+        assert_eq!(written(Some("time"), Some("min")), ("time".to_owned(), 1.0 / 60.0));
     }
 }

@@ -134,7 +134,8 @@ fn device(boots: &[DeviceBoot]) -> Option<KeyValue> {
 }
 
 impl ParquetWriter {
-    pub(super) fn create(path: &Path, metadata: &Metadata, rig: &Rig) -> Result<Self> {
+    /// `place`: the file that is opened, which may be another until the record has its name.
+    pub(super) fn create(path: &Path, place: &Path, metadata: &Metadata, rig: &Rig) -> Result<Self> {
         if metadata.rig.len() > RIG_LIMIT {
             return Err(BadInput::new(
                 format!("a rig file of {} bytes", metadata.rig.len()),
@@ -160,7 +161,7 @@ impl ParquetWriter {
             .set_encoding(Encoding::DELTA_BINARY_PACKED)
             .set_key_value_metadata(Some(key_values(metadata)));
         properties = properties.set_column_encoding(ColumnPath::from("t"), Encoding::BYTE_STREAM_SPLIT);
-        let file = Checked { file: create_file(path)?, crc: Crc::new() };
+        let file = Checked { file: create_file(path, place)?, crc: Crc::new() };
         let mut writer =
             SerializedFileWriter::new(file, schema.clone(), Arc::new(properties.build())).map_err(failed)?;
         let schema = Arc::new(SchemaDescriptor::new(schema));
@@ -308,6 +309,10 @@ fn schema(rig: &Rig) -> ParquetResult<Type> {
 mod tests {
     use super::*;
 
+    fn created(path: &Path, metadata: &Metadata, rig: &Rig) -> Result<ParquetWriter> {
+        ParquetWriter::create(path, path, metadata, rig)
+    }
+
     #[test]
     fn a_day_has_some_thousand_row_groups_and_a_short_record_small_ones() {
         assert_eq!((group_rows(0), group_rows(1_000_000), group_rows(usize::MAX)), (2500, 2500, 65_536));
@@ -332,7 +337,7 @@ mod tests {
     fn rows_of_finished_row_groups_are_counted_for_the_next_ones_length() {
         let folder = tempfile::tempdir().unwrap();
         let metadata = Metadata { sample_rate_hz: 500.0, ..Metadata::default() };
-        let mut writer = ParquetWriter::create(&folder.path().join("r.parquet"), &metadata, &rig("count1")).unwrap();
+        let mut writer = created(&folder.path().join("r.parquet"), &metadata, &rig("count1")).unwrap();
         let mut push = |ticks: core::ops::Range<i64>| {
             for tick in ticks {
                 writer.push(&Sample { tick, counts: &[0], phase: 0, amplitude_nm: 0 }).unwrap();
@@ -355,7 +360,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("r.parquet");
         for name in ["t", "tick", "phase", "amplitude_nm"] {
-            let refused = ParquetWriter::create(&path, &Metadata::default(), &rig(name)).err().map(|e| e.to_string());
+            let refused = created(&path, &Metadata::default(), &rig(name)).err().map(|e| e.to_string());
             let e = refused.unwrap_or_else(|| panic!("a channel {name} was taken"));
             assert!(e.contains(&format!("a channel named {name}")) && !path.exists(), "{e}");
         }
@@ -367,7 +372,7 @@ mod tests {
         let path = folder.path().join("r.parquet");
         for (length, taken) in [(RIG_LIMIT, true), (RIG_LIMIT + 1, false)] {
             let metadata = Metadata { rig: "#".repeat(length), ..Metadata::default() };
-            assert_eq!(ParquetWriter::create(&path, &metadata, &rig("count1")).is_ok(), taken, "{length}");
+            assert_eq!(created(&path, &metadata, &rig("count1")).is_ok(), taken, "{length}");
         }
     }
 }

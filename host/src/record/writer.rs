@@ -9,6 +9,7 @@ use super::csv_write::CsvWriter;
 use super::parquet_write::ParquetWriter;
 use super::{DeviceBoot, DeviceLine, Losses, Metadata};
 use crate::error::{BadInput, Result};
+use crate::files::Part;
 use crate::rig::measures::BASE;
 use crate::rig::{Channel, Rig, computed};
 
@@ -24,6 +25,10 @@ pub struct Sample<'a> {
     /// Commanded amplitude of the base, nm.
     pub amplitude_nm: u32,
 }
+
+/// What to do where a record that can be made again cannot be written.
+pub(super) const FULL: &str =
+    "Free space on the disk, or name another folder; nothing was written, and what has this name stays as it was";
 
 /// Endings of the records that are written.
 const ENDINGS: [&str; 4] = [".parquet", ".pq", ".csv", ".csv.gz"];
@@ -56,6 +61,8 @@ pub struct RecordWriter {
     last_tick: Option<i64>,
     rows: u64,
     inner: Inner,
+    /// Where it is written until it is whole; none where it is written under its name.
+    part: Option<Part>,
 }
 
 enum Inner {
@@ -67,12 +74,26 @@ impl RecordWriter {
     /// Opens `path` (an existing file is replaced) for a record of the rig's channels, which must
     /// be counts, or the base's with a gain, the unit's worth of a count. The clock is
     /// `metadata.sample_rate_hz`, or the rig's where that is 0. `.csv` and
-    /// `.csv.gz` give CSV, everything else Parquet.
+    /// `.csv.gz` give CSV, everything else Parquet. What is measured is written under its name from
+    /// the first sample on, so that a capture that was cut off can be read.
     ///
     /// # Errors
     /// A file that cannot be written; a channel that holds no counts.
     pub fn create(path: impl AsRef<Path>, metadata: &Metadata, rig: &Rig) -> Result<Self> {
+        Self::create_at(path.as_ref(), None, metadata, rig)
+    }
+
+    /// The same for a record that can be made again: it gets its name when it is finished, and what
+    /// had the name is there until then.
+    ///
+    /// # Errors
+    /// As [`RecordWriter::create`].
+    pub fn create_beside(path: impl AsRef<Path>, metadata: &Metadata, rig: &Rig) -> Result<Self> {
         let path = path.as_ref();
+        Self::create_at(path, Some(Part::of(path)?), metadata, rig)
+    }
+
+    fn create_at(path: &Path, part: Option<Part>, metadata: &Metadata, rig: &Rig) -> Result<Self> {
         computed::refuse(&rig.channel, &rig.path)?;
         let worthless = |c: &&Channel| c.unit != "count" && !(c.measures == BASE && c.gain.is_some());
         if let Some(c) = rig.channel.iter().find(worthless) {
@@ -93,12 +114,13 @@ impl RecordWriter {
             metadata.sample_rate_hz = rig.sample_rate_hz;
         }
         let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
+        let place = part.as_ref().map_or(path, Part::place);
         let inner = if name.ends_with(".csv") || name.ends_with(".csv.gz") {
-            Inner::Csv(Box::new(CsvWriter::create(path, &metadata, rig)?))
+            Inner::Csv(Box::new(CsvWriter::create(path, place, &metadata, rig)?))
         } else {
-            Inner::Parquet(Box::new(ParquetWriter::create(path, &metadata, rig)?))
+            Inner::Parquet(Box::new(ParquetWriter::create(path, place, &metadata, rig)?))
         };
-        Ok(Self { path: path.to_path_buf(), channels: rig.channel.len(), last_tick: None, rows: 0, inner })
+        Ok(Self { path: path.to_path_buf(), channels: rig.channel.len(), last_tick: None, rows: 0, inner, part })
     }
 
     /// The device has restarted: the samples from this tick on are of another boot (CSV has no room
@@ -147,10 +169,11 @@ impl RecordWriter {
         }
         self.last_tick = Some(sample.tick);
         self.rows += 1;
-        match &mut self.inner {
+        let pushed = match &mut self.inner {
             Inner::Parquet(w) => w.push(sample),
             Inner::Csv(w) => w.push(sample),
-        }
+        };
+        pushed.map_err(|e| if self.part.is_some() { e.remedy(FULL) } else { e })
     }
 
     /// Samples taken so far.
@@ -164,10 +187,13 @@ impl RecordWriter {
     /// # Errors
     /// A full disk.
     pub fn finish(self, losses: &Losses) -> Result<()> {
-        match self.inner {
+        let finished = match self.inner {
             Inner::Parquet(w) => w.finish(losses),
             Inner::Csv(w) => w.finish(),
-        }
+        };
+        let Some(part) = self.part else { return finished };
+        finished.map_err(|e| e.remedy(FULL))?;
+        part.keep().map_err(|e| BadInput::io(&self.path, &e).remedy(FULL))
     }
 }
 
@@ -183,6 +209,29 @@ mod tests {
         for name in ["q.xlsx", "q.gz", "q.mat", "q.csv.zip", "q.json"] {
             let e = check_ending(Path::new(name)).unwrap_err().to_string();
             assert!(e.contains("one of .parquet, .csv, .csv.gz") && e.contains("-o"), "{e}");
+        }
+    }
+
+    #[test]
+    fn a_record_that_can_be_made_again_replaces_another_once_it_is_whole() {
+        let text = "name = \"x\"\nmodel = \"other\"\nsample_rate_hz = 500.0\n[[channel]]\nname = \"c\"\n\
+                    measures = \"q\"\nunit = \"count\"\ncounts_per_turn = 4096\n";
+        let rig = Rig::parse(text, Path::new("rig.toml")).unwrap();
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["r.csv", "r.csv.gz", "r.parquet"] {
+            let path = folder.path().join(name);
+            std::fs::write(&path, "before").unwrap();
+            let write = || {
+                let mut w = RecordWriter::create_beside(&path, &Metadata::default(), &rig).unwrap();
+                w.push(&Sample { tick: 0, counts: &[1], phase: 0, amplitude_nm: 0 }).unwrap();
+                w
+            };
+            drop(write());
+            assert_eq!(std::fs::read_to_string(&path).unwrap(), "before", "{name}");
+            write().finish(&Losses::default()).unwrap();
+            assert_ne!(std::fs::read(&path).unwrap(), b"before", "{name}");
+            assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1, "{name}");
+            std::fs::remove_file(&path).unwrap();
         }
     }
 }

@@ -103,7 +103,7 @@ impl Channel {
     }
 
     /// Whether values are taken as they stand.
-    fn is_plain(&self) -> bool {
+    pub fn is_plain(&self) -> bool {
         self.gain.unwrap_or(1.0) == 1.0 && self.offset.unwrap_or(0.0) == 0.0
     }
 
@@ -128,6 +128,34 @@ impl Channel {
             }
         }
         Ok(())
+    }
+
+    /// Takes gain and offset off values in the unit again, so that [`Channel::apply`] leads back to
+    /// them: what a file holds that is read with this channel.
+    ///
+    /// # Errors
+    /// Index of a count that leaves 32 bits.
+    pub fn take_off(&self, column: &mut Column) -> core::result::Result<(), usize> {
+        if self.is_plain() {
+            return Ok(());
+        }
+        let (gain, offset) = (self.gain.unwrap_or(1.0), self.offset.unwrap_or(0.0));
+        match column {
+            Column::Values(v) => v.iter_mut().for_each(|v| *v = (*v - offset) / gain),
+            Column::Counts(c) => {
+                for (i, c) in c.iter_mut().enumerate() {
+                    *c = self.count_taken_off(*c).ok_or(i)?;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// The same for one count; none where it leaves 32 bits.
+    pub fn count_taken_off(&self, count: i32) -> Option<i32> {
+        // Whole and within 32 bits, see [`Channel::apply`].
+        let turned = i64::from(count) - self.offset.unwrap_or(0.0) as i64;
+        i32::try_from(if self.gain.unwrap_or(1.0) < 0.0 { -1 - turned } else { turned }).ok()
     }
 }
 
@@ -172,7 +200,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_unit_has_its_si_unit() {
+    fn every_unit_has_its_si_unit_and_scales_can_be_taken_off() {
         let channel = |unit: &str| Channel { counts_per_turn: Some(4096), ..Channel::new("c", unit) };
         for (unit, si, scale) in
             [("count", "rad", TAU / 4096.0), ("mN", "N", 1e-3), ("kN", "N", 1e3), ("um", "m", 1e-6), ("1", "1", 1.0)]
@@ -180,6 +208,19 @@ mod tests {
             let c = channel(unit);
             assert_eq!((c.si_unit(), c.scale()), (si, scale), "{unit}");
         }
+        // What was taken off is read again.
+        let turned = Channel { gain: Some(-1.0), offset: Some(10.0), ..channel("count") };
+        let counts = Column::Counts(vec![9, 10, 2, -7]);
+        let mut column = counts.clone();
+        turned.take_off(&mut column).unwrap();
+        assert_eq!(column, Column::Counts(vec![0, -1, 7, 16]));
+        turned.apply(&mut column).unwrap();
+        assert_eq!(column, counts);
+        assert_eq!(turned.take_off(&mut Column::Counts(vec![0, i32::MIN])), Err(1));
+        let volts = Channel { gain: Some(0.25), offset: Some(-2.0), ..channel("deg") };
+        let mut column = Column::Values(vec![-2.0, 1.5]);
+        volts.take_off(&mut column).unwrap();
+        assert_eq!(column, Column::Values(vec![0.0, 14.0]));
         // What values are in after they were scaled is a unit of size 1.
         for unit in UNITS {
             assert_eq!(channel(channel(unit).si_unit()).scale(), 1.0, "{unit}");

@@ -11,6 +11,7 @@ use std::sync::Arc;
 use nalgebra::DMatrix;
 
 use super::Rig;
+use super::declared::{self, Declared};
 use crate::error::{BadInput, Result};
 use crate::model::MODELS;
 use crate::model::model_file::expression::{Symbol, as_number};
@@ -143,7 +144,11 @@ pub(super) fn check_built_in(rig: &Rig) -> Result<()> {
     known.push(BASE);
     check_base(rig)?;
     match rig.channel.iter().enumerate().find(|(_, c)| !known.contains(&c.measures.as_str())) {
-        None => Ok(()),
+        None => {
+            let mut arms = rig.channel.iter().enumerate().filter(|(_, c)| c.measures != BASE);
+            let model = Path::new(&rig.model);
+            arms.try_for_each(|(i, c)| declared::check(rig, i, &c.measures, &Declared::angle(), model))
+        }
         Some((i, c)) => Err(BadInput::new(format!("\"{}\"", c.measures), format!("one of {}", known.join(", ")))
             .in_file(&rig.path)
             .at(format!("channel {} (\"{}\"), measures", i + 1, c.name))
@@ -229,6 +234,7 @@ pub(crate) fn bound(rig: &Rig, model: ModelFile) -> Result<ObservedModel> {
     let named = names.coordinates.iter().chain(&names.inputs).chain(sensors_of.iter().map(|s| &s.name));
     let mut known: Vec<&str> = named.map(String::as_str).collect();
     known.dedup();
+    let (coordinate_units, input_units) = declared::of_model(&model);
     let (mut sensors, mut rows, mut inputs) = (Vec::new(), Vec::new(), vec![None; model.inputs.len()]);
     for (i, c) in rig.channel.iter().enumerate() {
         let bad = |found: String, expected: String| {
@@ -244,6 +250,10 @@ pub(crate) fn bound(rig: &Rig, model: ModelFile) -> Result<ObservedModel> {
         })?;
         if let Some(k) = model.inputs.iter().position(|u| *u == c.measures) {
             inputs[k] = Some(i);
+            // The base's position is made an acceleration of.
+            if let Some(d) = input_units[k].as_ref().filter(|_| c.measures != BASE || !accelerates(&model)) {
+                declared::check(rig, i, &c.measures, d, &model.source.path)?;
+            }
             continue;
         }
         let row: Option<Vec<f64>> =
@@ -259,6 +269,11 @@ pub(crate) fn bound(rig: &Rig, model: ModelFile) -> Result<ObservedModel> {
                 "a coordinate, a sum of coordinates, or an input".to_owned(),
             ));
         };
+        // A number in front may have a unit itself, as that of a pulley.
+        for (k, d) in coordinate_units.iter().enumerate().filter(|(k, _)| row[*k].abs() == 1.0) {
+            let name = &names.coordinates[k];
+            d.iter().try_for_each(|d| declared::check(rig, i, name, d, &model.source.path))?;
+        }
         sensors.push(i);
         rows.push(row);
     }

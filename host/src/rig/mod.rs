@@ -9,6 +9,7 @@ mod channel;
 mod checks;
 pub mod choices;
 pub mod computed;
+pub mod declared;
 pub mod measures;
 pub mod plant;
 pub mod single_plant;
@@ -36,7 +37,7 @@ pub const GRAVITY: f64 = 9.81;
 pub(crate) const RATES: core::ops::RangeInclusive<f64> = 1e-6..=1e7;
 /// Most samples of a drive period: a window of twenty periods is then no longer than what fits into
 /// memory.
-const MOST_A_PERIOD: f64 = 1e6;
+pub(crate) const MOST_A_PERIOD: f64 = 1e6;
 /// Longest simulated record, s (a day).
 pub const LONGEST_S: f64 = 86_400.0;
 /// Most samples of one that is held in memory.

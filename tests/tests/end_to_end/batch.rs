@@ -71,7 +71,9 @@ fn merged_shards_have_the_bytes_of_one_run_whatever_the_threads() {
             // The broken record is the third.
             assert_eq!(run.status, i32::from(shard == "1/2"), "{run:?}");
         }
-        done(at, &format!("batch merge 2.{table} 1.{table} --out merged.{table}"));
+        // A row that failed is one in the merged table as well.
+        let merged = whirl(at, &format!("batch merge 2.{table} 1.{table} --out merged.{table}"));
+        assert_eq!((merged.status, merged.stderr.as_str()), (1, ""), "{merged:?}");
         assert!(
             std::fs::read(at.join(format!("merged.{table}"))).unwrap()
                 == std::fs::read(at.join(format!("one.{table}"))).unwrap(),
@@ -82,7 +84,7 @@ fn merged_shards_have_the_bytes_of_one_run_whatever_the_threads() {
         assert!(partly.stderr.contains("no row for 3 of 5 records: 1, 3, 5"), "{partly:?}");
     }
     // One format into the other.
-    done(at, "batch merge 1.parquet 2.parquet --out merged.csv");
+    assert_eq!(whirl(at, "batch merge 1.parquet 2.parquet --out merged.csv").status, 1);
     assert!(std::fs::read(at.join("merged.csv")).unwrap() == std::fs::read(at.join("one.csv")).unwrap());
     let other = identify(at, "--out other.csv --shard 2/2 --from 1");
     assert_eq!(other.status, 0, "{other:?}");

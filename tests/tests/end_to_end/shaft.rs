@@ -51,7 +51,7 @@ counts_per_turn = 20000
 [[channel]]
 name = "torque"
 measures = "torque"
-unit = "N"
+unit = "N m"
 "#;
 
 /// J1, J2, k, n, c, b.

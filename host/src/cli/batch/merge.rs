@@ -28,8 +28,8 @@ pub struct Arguments {
     output: Output,
 }
 
-/// Reads, merges, writes. The exit status is 0 wherever a whole table was made: what is in it was
-/// answered before.
+/// Reads, merges, writes. The exit status is that of the one run whose table it is: 0 where every
+/// row's is 0 and none is missing.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
     let layout = Layout::of(&arguments.out)?;
     Outputs::of(&arguments.output, Some(arguments.replace))
@@ -41,9 +41,9 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let files = merged.table.rows.iter().map(|row| row.text_of("file").to_owned()).collect();
     super::keeps_rows(&arguments.out, &files, arguments.replace.force)?;
     write_file(&arguments.out, &merged.table.bytes(layout)?)?;
-    Summary::of(&merged.table, &arguments.out, merged.of).give(&arguments.output)?;
+    let answer = Summary::of(&merged.table, &arguments.out, merged.of).give(&arguments.output)?;
     if merged.missing.is_empty() {
-        return Ok(Answer::Positive);
+        return Ok(answer);
     }
     tell(merged.missing_in_words());
     Ok(Answer::Negative)

@@ -21,6 +21,11 @@ const MOST: usize = 10;
 /// Parameters that the report shows.
 const MOST_PARAMETERS: usize = 20;
 
+/// Verdict of an identification that can stand.
+const IDENTIFIED: &str = "identified";
+/// Warnings that say that its equations miss something.
+const MISSING: [&str; 2] = ["model-misses-something", "more-than-noise"];
+
 /// A record whose answer is negative, or that has none.
 #[derive(Debug, Serialize)]
 struct Unanswered {
@@ -92,7 +97,16 @@ impl<'a> Summary<'a> {
         let share = |(verdict, n): (&String, &usize)| {
             format!("{n} {verdict}{}", if verdict == "error" && *n > 1 { "s" } else { "" })
         };
-        let shares: Vec<String> = self.verdicts.iter().map(share).collect();
+        let mut shares: Vec<String> = self.verdicts.iter().map(share).collect();
+        let standing = self.verdicts.get(IDENTIFIED).copied().unwrap_or(0);
+        if let Some(place) = self.verdicts.keys().position(|v| v == IDENTIFIED).filter(|_| self.missing() > 0) {
+            let missing = self.missing();
+            shares[place] = format!(
+                "{standing} {IDENTIFIED} ({} whose equations describe the record, {missing} whose equations miss something: \
+                 `whirl batch explain` says what)",
+                standing - missing
+            );
+        }
         let (s, of) = (
             if self.rows == 1 { "" } else { "s" },
             if self.rows == self.records { String::new() } else { format!(" of {}", self.records) },
@@ -110,6 +124,12 @@ impl<'a> Summary<'a> {
             let _ = writeln!(text, "  and {} more: those whose exit_status is not 0", self.negative.len() - MOST);
         }
         text
+    }
+
+    /// Rows that are identified by equations that miss something, as their warnings say.
+    fn missing(&self) -> usize {
+        let misses = |row: &&Row| row.text_of("warnings").split('+').any(|w| MISSING.contains(&w));
+        self.of.rows.iter().filter(|row| row.text_of("verdict") == IDENTIFIED).filter(misses).count()
     }
 
     fn page(&self) -> Report {
@@ -159,4 +179,33 @@ fn line(row: &Row, names: &[String]) -> Vec<Html> {
         })
     }));
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn row(verdict: &str, status: i64, warnings: &str) -> Row {
+        let mut row = Row::default();
+        row.text("verdict", verdict);
+        row.integer("exit_status", status);
+        row.text("warnings", warnings);
+        row
+    }
+
+    #[test]
+    fn identifications_that_miss_something_are_counted_by_themselves() {
+        let told = |rows: Vec<Row>| {
+            let n = rows.len();
+            Summary::of(&Table::new("identify", rows), Path::new("t.csv"), n).text()
+        };
+        let good = || row(IDENTIFIED, 0, "nan-is-gap");
+        let misses = || row(IDENTIFIED, 0, "nan-is-gap+model-misses-something");
+        assert!(told(vec![good(), good()]).starts_with("2 records in t.csv: 2 identified\n"));
+        let text = told(vec![good(), misses(), misses(), row("error", 2, "")]);
+        assert!(
+            text.contains("4 records in t.csv: 1 error, 3 identified (1 whose equations describe the record, 2 whose"),
+            "{text}"
+        );
+    }
 }

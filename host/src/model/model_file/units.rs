@@ -6,6 +6,25 @@
 
 use super::expression::{Expression as E, Function, Node, Symbol};
 
+/// Units of one kind, and what they are made of; sizes are left out.
+const KINDS: [(&[&str], &str); 15] = [
+    (&["m", "km", "cm", "mm", "um", "µm", "μm"], "m"),
+    (&["s", "ms", "min", "h"], "s"),
+    (&["kg", "g"], "kg"),
+    (&["A", "mA"], "A"),
+    (&["deg", "°"], "1"),
+    (&["N", "kN", "mN"], "kg m/s^2"),
+    (&["J", "kJ", "mJ"], "kg m^2/s^2"),
+    (&["W", "kW", "mW"], "kg m^2/s^3"),
+    (&["Pa", "kPa", "MPa"], "kg/m s^2"),
+    (&["Hz", "kHz"], "1/s"),
+    (&["V", "kV", "mV"], "kg m^2/s^3 A"),
+    (&["C"], "A s"),
+    (&["T"], "kg/s^2 A"),
+    (&["Wb"], "kg m^2/s^2 A"),
+    (&["Ω", "Ohm", "ohm"], "kg m^2/s^3 A^2"),
+];
+
 /// Powers of units, by name.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Unit(Vec<(String, f64)>);
@@ -56,6 +75,17 @@ impl Unit {
         }
         out.0.retain(|(_, p)| *p != 0.0);
         out
+    }
+
+    /// The same in kg, m, s and A, whatever its size; none where it is made of what is not known.
+    pub fn in_base_units(&self) -> Option<Self> {
+        let mut out = Self::default();
+        for (name, power) in &self.0 {
+            let known = KINDS.iter().find(|(names, _)| names.contains(&name.as_str()));
+            out = out.times(&Self::parse(known?.1)?, *power);
+        }
+        out.0.sort_by(|a, b| a.0.cmp(&b.0));
+        Some(out)
     }
 
     fn second(power: f64) -> Self {
