@@ -67,7 +67,7 @@ fn rests_on(e: &Explanation) -> String {
     if let Some(piece_s) = e.details.simulated_s {
         let _ = writeln!(
             out,
-            "parameters are those by which simulations follow pieces of {} s: they foretell the rest of the record better than what windows of {} s tell",
+            "parameters are those by which simulations follow pieces of {} s: they tell more than windows of {} s, and foretell as well",
             shortest(rounded(piece_s, 3)),
             shortest(rounded(e.details.window_s, 3))
         );

@@ -50,17 +50,21 @@ struct Disagreeing<'a> {
 /// there are none, or too few blocks to judge.
 pub(super) fn ties(mechanism: &Mechanism, c: &Coefficients<'_>) -> Option<Ties> {
     let b = Identified { names: c.names, values: &c.values, covariance: &c.covariance, metric: &c.covariance };
-    // The jackknife's covariance of no more blocks than coefficients is singular: in the directions
-    // that it does not have any distance is without end.
-    if c.blocks <= c.names.len() {
+    if is_singular(c) {
         return None;
     }
     let fit = ties::fit(mechanism, &b, &BTreeMap::new())?;
     Ties::of(fit.misfit, fit.freedom, c.blocks)
 }
 
-/// The disagreement of a quantity with everything else; none where nothing else fixes it, or where
-/// chance would do.
+/// Whether a jackknife's covariance is of no more blocks than coefficients: in the directions that it
+/// does not have any distance is without end.
+fn is_singular(c: &Coefficients<'_>) -> bool {
+    c.blocks <= c.names.len()
+}
+
+/// The disagreement of a quantity with everything else; none where nothing else fixes it, where
+/// chance would do, or where blocks are too few to say.
 fn disagreeing<'a>(
     mechanism: &Mechanism,
     c: &Coefficients<'_>,
@@ -68,6 +72,9 @@ fn disagreeing<'a>(
     name: &'a str,
 ) -> Option<Disagreeing<'a>> {
     let b = Identified { names: c.names, values: &c.values, covariance: &c.covariance, metric: &c.covariance };
+    if is_singular(c) {
+        return None;
+    }
     let mut others = known.clone();
     let value = others.remove(name)?;
     let fit = ties::fit(mechanism, &b, &others)?;

@@ -22,8 +22,9 @@ use super::tail;
 use super::trace::Trace;
 use crate::statistics::{median, quantile};
 
-/// Half widths and degrees that are tried.
+/// Half widths and degrees that are tried, and those that follow a swing of a few samples.
 const WINDOWS: [(usize, usize); 6] = [(5, 3), (8, 3), (8, 5), (12, 5), (18, 7), (28, 7)];
+const NARROW: [(usize, usize); 2] = [(5, 5), (6, 7)];
 /// Cost of a shape: e⁻⁶ for each choice among some dozens of places.
 const PRICE: f64 = 12.0;
 /// Least limit of z, what Gaussian noise needs at 10⁻⁹ a look: below it the derived one is not
@@ -298,7 +299,7 @@ fn motions(
     best
 }
 
-/// First samples of windows of n spread over a channel.
+/// First samples of windows of n, spread.
 fn places(trace: &Trace<'_>, n: usize) -> Vec<(usize, usize)> {
     let room: usize = trace.stretches.iter().map(|s| (s.len() + 1).saturating_sub(n)).sum();
     let count = CONTROLS.min(room / n.max(1) * 2);
@@ -318,11 +319,11 @@ fn places(trace: &Trace<'_>, n: usize) -> Vec<(usize, usize)> {
     found
 }
 
-/// Whether a step has its height in every window that is tried, as far as each tells it: a swing
-/// faster than the record's others leaves a polynomial a step as well, another one in each.
+/// Whether a step has its height in every window, as far as each tells it: a swing faster than the
+/// record's others leaves a polynomial a step as well, another one in each.
 fn has_its_height(trace: &Trace<'_>, found: &Found) -> bool {
     let s = &trace.stretches[found.stretch];
-    WINDOWS.iter().all(|&(half, degree)| {
+    WINDOWS.iter().chain(&NARROW).all(|&(half, degree)| {
         if found.from < half || found.from + half > s.len() {
             return true;
         }
@@ -331,8 +332,8 @@ fn has_its_height(trace: &Trace<'_>, found: &Found) -> bool {
         s.copy(found.from - half, &mut x);
         window.reduce(&mut x);
         let at = half as f64 - 0.5;
-        let beside = if found.kind == Kind::Break { vec![Shape::Bend(at), Shape::Curvature(at)] } else { Vec::new() };
-        let shapes: Vec<Vec<f64>> = beside.into_iter().chain([Shape::Step(at)]).map(|s| window.shape(s)).collect();
+        let beside = [Shape::Bend(at), Shape::Curvature(at)].into_iter().filter(|_| found.kind == Kind::Break);
+        let shapes: Vec<Vec<f64>> = beside.chain([Shape::Step(at)]).map(|s| window.shape(s)).collect();
         let step = fit(&x, &shapes.iter().map(Vec::as_slice).collect::<Vec<_>>());
         let freedom = window.freedom().saturating_sub(shapes.len()).max(1) as f64;
         let variance = (step.rest / freedom).max(trace.quantum * trace.quantum / 12.0);

@@ -1,7 +1,7 @@
 //! The last fit: once everything is found, coefficients by simulations of pieces as long as tell the
 //! most ([`crate::identify::shooting::longer`]), of motions that nothing drives or that follow
 //! measured inputs. The search is made in windows of which many are needed, and these are short.
-//! Kept where it foretells the end of the longest stretch better from its beginning.
+//! Kept where it tells more and foretells the end of the longest stretch no worse from its beginning.
 
 use nalgebra::{DMatrix, DVector};
 

@@ -5,7 +5,8 @@
 //! harmonics up to [`ORDERS`] in their place: where that does no worse on parts of the record that
 //! were not fitted, for all that it has more to fit, nothing speaks for the pieces. From
 //! [`PATCHES`] on they are an expansion in any case: one of two and more laws with a constant force
-//! there, or an offset of the sensor that shows the joint, which moves their origin, as well.
+//! there, or an offset of the sensor that shows the joint, which moves their origin, as well. A force
+//! about some place whose form is free is such a shape already: what stands beside it mends it.
 //!
 //! Laws of one sensor that nearly cancel (a scale a x and an eccentricity b sin x with b near −a)
 //! stand for a bend of its scale that neither is: what their sum leaves is of higher order, and
@@ -94,8 +95,10 @@ fn at_a_joint(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option
         let shifts = (state.nominal..state.chosen.len())
             .filter(|&k| pieces.len() > 1 && shifts(setting, &state.chosen[k].candidate, joint));
         let all: Vec<usize> = pieces.iter().copied().chain(shifts).collect();
-        let one =
-            all.len() >= PATCHES || (pieces.len() > 1 && free_is_as_good(setting, state, outcome, joint, &pieces));
+        let several = pieces.len() > 1;
+        let is_bump = |&k: &usize| state.chosen[k].candidate.entry.id == "local-force";
+        let one = all.len() >= PATCHES
+            || several && (pieces.iter().any(is_bump) || free_is_as_good(setting, state, outcome, joint, &pieces));
         let effects = all.iter().map(|&k| state.chosen[k].candidate.entry.id.clone()).collect();
         one.then(|| Patch { place: joint.name(file), effects, is_bend: false })
     })

@@ -66,7 +66,7 @@ struct First {
     train: DVector<f64>,
     /// What it leaves in every window of shooting.
     powers: Vec<f64>,
-    /// Whether simulations foretell better than windows.
+    /// Whether simulations foretell no worse than windows.
     foretells: bool,
 }
 

@@ -21,6 +21,9 @@ use crate::identify::track::Track;
 
 /// Shares of the record that simulations are fitted to.
 const FITTED: [f64; 2] = [2.0 / 3.0, 0.75];
+/// Ratio of errors up to which one foretells no worse than another (by hand): of a model that lacks
+/// nothing both are the sensors' noise, and differ by chance.
+const NO_WORSE: f64 = 1.1;
 
 /// Simulation errors: fitted to the beginning of the longest stretch, continued to its end.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -160,7 +163,7 @@ pub fn left_of_whole(setting: &Setting<'_>, state: &State, outcome: &Outcome) ->
     state.on_free_track(setting, hidden, left)
 }
 
-/// Measures a step; whether simulations of the beginning foretell the rest better than its windows
+/// Measures a step; whether simulations of the beginning foretell the rest no worse than its windows
 /// do, wherever both do.
 pub fn measure(
     setting: &Setting<'_>,
@@ -192,7 +195,7 @@ pub fn measure(
         let worthwhile = by_windows.is_none() || simulated.moving.hidden.is_empty();
         let by_simulation = if worthwhile { simulated.by_simulation(setting, state, split) } else { None };
         let error = |of: &Option<(Vec<f64>, f64)>| of.as_ref().map_or(f64::INFINITY, |f| f.1);
-        foretells &= by_simulation.is_some() && error(&by_simulation) <= error(&by_windows);
+        foretells &= by_simulation.is_some() && error(&by_simulation) <= NO_WORSE * error(&by_windows);
         let found = by_windows.into_iter().chain(by_simulation).min_by(|a, b| a.1.total_cmp(&b.1));
         let value = found.as_ref().map_or(f64::NAN, |(_, error)| error * unit.factor);
         simulation.steps.push(Step { added: added.clone(), value });

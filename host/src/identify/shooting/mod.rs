@@ -196,6 +196,27 @@ pub fn simulated(
     result::finish(first.clone(), WrittenRig { rig, own: &own, bound }, &names, &prepared, run).map(Some)
 }
 
+/// The pieces that were followed with their states, and those that were not with the states that come
+/// nearest, in their order.
+fn with_lost<D: Dynamics + ?Sized>(
+    problem: &Problem<'_, D>,
+    outcome: &Outcome,
+    (pieces, guesses): (&[Piece], &[Vec<f64>]),
+    levels: &[usize],
+) -> (Vec<Piece>, Vec<Vec<f64>>) {
+    let is_same = |a: &Piece, b: &Piece| a.stretch == b.stretch && a.start_s.total_cmp(&b.start_s).is_eq();
+    let of = |(piece, guess): (&Piece, &Vec<f64>)| {
+        if let Some(k) = outcome.pieces.iter().position(|p| is_same(p, piece)) {
+            return Some((piece.clone(), outcome.fit.states[k].clone()));
+        }
+        let mut lengths = levels.to_vec();
+        lengths.sort_unstable();
+        let found = problem.fit_state(piece, guess, &outcome.fit.parameters, &lengths, &mut problem.room(false));
+        Some((piece.clone(), found?.0))
+    };
+    pieces.iter().zip(guesses).filter_map(of).unzip()
+}
+
 /// What a run starts from.
 struct Given<'a> {
     motion: &'a dyn Dynamics,
@@ -320,7 +341,13 @@ fn shoot_pieces(
     let problem = Problem { sensors: &shown, zeros: unknown.zeros(), ..track.problem(motion, outcome.step_s, &at) };
     let first = |p: &Piece| (track.since_begin(p) / track.spacing_s).round() as usize;
     let fit = &outcome.fit;
-    let slips = slips::find(&problem, &outcome.pieces, &fit.states, &fit.parameters, &first, &prepared.sensors.count);
+    // A slip may be why a piece was not followed.
+    let (all, states) = if offsets {
+        with_lost(&problem, outcome, (&pieces, &guesses), &levels)
+    } else {
+        (outcome.pieces.clone(), fit.states.clone())
+    };
+    let slips = slips::find(&problem, &all, &states, &fit.parameters, &first, &prepared.sensors.count);
     let mut levels_s: Vec<f64> = levels.iter().map(|l| *l as f64 * track.spacing_s).collect();
     // What a drive keeps moving may be chaotic.
     if rig.drive.is_none() && settings.segment_s.is_none() && !offsets {

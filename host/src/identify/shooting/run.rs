@@ -156,11 +156,12 @@ pub fn run<D: Dynamics + ?Sized>(
         if let Some(fit) = minimise(&problem, &few, start, bounds, 1.0, 10, tick)
             && fit.parameters.iter().all(|p| p.is_finite())
         {
-            let left = noise_ratio(&fit.shares, problem.states()).into_iter().fold(0.0, f64::max);
-            if most_left.is_some_and(|most| left > most) {
+            // Of most pieces: a few may hold a slip of counts.
+            let usual = median(&mut fit.shares.iter().map(mean_square).collect::<Vec<f64>>());
+            if most_left.is_some_and(|most| usual > most * most) {
                 return Err(Failure::LeavesTooMuch);
             }
-            before = Some(median(&mut fit.shares.iter().map(mean_square).collect::<Vec<f64>>()));
+            before = Some(usual);
             parameters = fit.parameters;
         }
     }

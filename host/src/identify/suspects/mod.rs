@@ -31,7 +31,6 @@ use crate::identify::{Identification, Settings, built_in};
 use crate::record::Record;
 use crate::rig::{Direction, Drive, Rig};
 use crate::warning::Warning;
-use crate::wording::format::Z95;
 use arrow::NamedCoefficient;
 use scene::Scene;
 
@@ -50,6 +49,8 @@ const MOST_SAMPLES: f64 = 300_000.0;
 /// Share of the test frequencies of a free motion on which readings compare, and fewest of them.
 const LOWER: f64 = 0.5;
 const FEWEST_FREQUENCIES: f64 = 8.0;
+/// Standard errors within which a lag is none: beyond by chance once in fifteen thousand.
+const CLEAR: f64 = 4.0;
 /// ln of residual over noise power from which something is looked for: clean records of the
 /// shipped rigs stay below half of it.
 const CLEAN: f64 = 0.4;
@@ -172,7 +173,7 @@ fn is_stated(scene: &Scene, found: &find::Finding) -> bool {
             list.iter().all(|i| stated(i).is_some_and(|n| (factor * n).round() == n))
         }
         undo::Undo::Lag { delay_s, drift, .. } => {
-            let may_be_none = |(x, error): (&f64, &f64)| x.abs() <= Z95 * error;
+            let may_be_none = |(x, error): (&f64, &f64)| x.abs() <= CLEAR * error;
             !found.errors.is_empty() && [*delay_s, *drift].iter().zip(&found.errors).all(may_be_none)
         }
         _ => false,
