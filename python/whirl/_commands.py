@@ -10,25 +10,66 @@ from __future__ import annotations
 import json
 import os
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Optional, TypeVar, Union
 
 from . import _whirl
-from ._record import Record, Source, read
-from ._results import (Answer, Draft, Explanation, Identification, Inspection, Name, Reduction, Validation)
+from ._error import bad, retold, shown
+from ._record import Record, Source, names_of, no_time, read
+from ._results import (Answer, Draft, Explanation, Identification, Inspection, Model, Name, Reduction, Validation, show_in)
 from ._warn import warn
 from ._whirl import Error
 from ._words import words
 
 A = TypeVar("A", bound=Answer)
 Map = Optional[Mapping[str, str]]
+AnyModel = Union[Name, Model, None]
+
+#: Options that name one file, and what they name.
+FILES = {"rig": "the path of a rig file", "model": "the path of a model file, or an answer of identify or explain",
+         "output": "the path of a file to write", "report": "the path of a file to write (.html)", "ledger": "the path of a file to write",
+         "curves": "the path of a file to write"}
+
+
+class Lent(str):
+    """The path of a model file that is there during a call only."""
+
+
+def _file(key: str, value: Any) -> Any:
+    """A file's name, or an error that names the argument and what it takes."""
+    if value is None or (key == "model" and isinstance(value, Model)):
+        return value
+    if key == "rig" and isinstance(value, Draft) and value.rig is not None:
+        return value.rig
+    if not isinstance(value, (str, os.PathLike)):
+        remedy = 'Write the rig file\'s TOML to a file and name it: rig="rig.toml"' if key == "rig" else ""
+        raise bad(key, type(value).__name__, FILES[key], remedy)
+    if isinstance(value, str) and "\n" in value:
+        raise bad(key, "a text of several lines", FILES[key], "Write it to a file and name that")
+    return value
 
 
 def _options(arguments: Mapping[str, Any]) -> dict[str, Any]:
     """A function's arguments without its records; those it passes on stand beside the others."""
     options = {name: value for name, value in arguments.items() if name not in ("records", "balance")}
-    return {**options, **arguments.get("balance", {})}
+    options.update(arguments.get("balance", {}))
+    return {key: _file(key, value) if key in FILES else value for key, value in options.items()}
+
+
+@contextmanager
+def _lent(options: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    """Options in which a model that is an answer is a file."""
+    model = options.get("model")
+    if not isinstance(model, Model):
+        yield options
+        return
+    with tempfile.TemporaryDirectory(prefix="whirl-") as folder:
+        path = Path(folder) / "model.toml"
+        model.save(path)
+        yield {**options, "model": Lent(path)}
 
 
 def _reading(records: Sequence[Record], options: dict[str, Any]) -> dict[str, Any]:
@@ -37,29 +78,52 @@ def _reading(records: Sequence[Record], options: dict[str, Any]) -> dict[str, An
         said = {getattr(record, key) for record in records} - {None, False}
         if key in options and not options[key] and said:
             if len(said) > 1:
-                raise Error(f"{key}: found {', '.join(map(str, said))}, expected one for all records")
+                raise bad(key, ", ".join(sorted(map(str, said))), "one for all records", "Give it to the command")
             options[key] = said.pop()
     return options
 
 
-def _call(command: str, files: Sequence[Any], options: Mapping[str, Any]) -> _whirl.Answer:
-    """Calls a command, warns, and raises where the record was at fault; the caller's caller is told of."""
-    said = _whirl.call([command, *words(options), "--", *(os.fspath(file) for file in files)])
-    warn(said.warnings, stacklevel=5)
+def _names(records: Sequence[Record], options: Mapping[str, Any]) -> dict[str, str]:
+    """What stands for the temporary files of a call."""
+    further = [one for one in options.values() if isinstance(one, Record)]
+    model = options.get("model")
+    return {**({str(model): "the model in memory"} if isinstance(model, Lent) else {}), **names_of([*records, *further])}
+
+
+def _call(command: str, records: Sequence[Record], options: Mapping[str, Any], names: Mapping[str, str]) -> _whirl.Answer:
+    """Calls a command and warns; the caller's caller is told of."""
+    try:
+        said = _whirl.call([command, *words(options), "--", *(os.fspath(record) for record in records)])
+    except Error as error:
+        further = [one for one in options.values() if isinstance(one, Record)]
+        raise retold(error, names, no_time(error, [*records, *further])) from None
+    warn(((id, shown(text, names), advice) for id, text, advice in said.warnings), stacklevel=5)
     return said
 
 
+def _at_fault(result: dict[str, Any]) -> Error:
+    """The error of a record that is at fault, with the command's result."""
+    error = Error(result["error"])
+    error.json = result
+    return error
+
+
 def _answer(kind: type[A], command: str, sources: Sequence[Source], options: dict[str, Any]) -> list[A]:
+    if not sources:
+        raise bad("records", "none", f"at least one: whirl.{command}(record, …)")
     records = [read(source) for source in sources]
-    said = _call(command, records, _reading(records, options))
-    result = json.loads(said.json or "{}")
+    names = _names(records, options)
+    said = _call(command, records, _reading(records, options), names)
+    if options.get("report") is not None:
+        show_in(options["report"], names)
+    whole = shown(said.json or "", names)
+    result = json.loads(whole or "{}")
     if isinstance(result, dict) and isinstance(result.get("error"), str):
-        error = Error(result["error"])
-        error.json = result  # type: ignore[attr-defined]
-        raise error
+        raise _at_fault(result)
     several = result if isinstance(result, list) else [result]
-    texts = [said.json or ""] if len(several) == 1 else [json.dumps(one) for one in several]
-    return [kind(one, text, said.text, said.positive, tuple(said.reasons), options.get("rig"), tuple(records), said)
+    texts = [whole] if len(several) == 1 else [json.dumps(one) for one in several]
+    reasons = tuple(shown(reason, names) for reason in said.reasons)
+    return [kind(one, text, shown(said.text, names), said.positive, reasons, options.get("rig"), tuple(records), said, names)
             for one, text in zip(several, texts)]
 
 
@@ -78,7 +142,7 @@ def identify(*records: Source, rig: Optional[Name] = None, method: Optional[str]
     return _answer(Identification, "identify", records, _options(locals()))[0]
 
 
-def explain(*records: Source, rig: Optional[Name] = None, model: Optional[Name] = None, horizon: Optional[float] = None,
+def explain(*records: Source, rig: Optional[Name] = None, model: AnyModel = None, horizon: Optional[float] = None,
             forecast: Optional[Sequence[float]] = None, window_s: Optional[float] = None, max_frequency_hz: Optional[float] = None,
             pass_hz: Optional[float] = None, most_effects: Optional[int] = None, effects: Optional[Sequence[Name]] = None,
             ledger: Optional[Name] = None, time: Optional[str] = None, map: Map = None, recover: bool = False, resample: bool = False,
@@ -86,13 +150,14 @@ def explain(*records: Source, rig: Optional[Name] = None, model: Optional[Name] 
             report: Optional[Name] = None, force: bool = False) -> Explanation:
     """Which physical effect the model is missing, the model with it, the gap before and after: ``whirl explain``.
 
-    ``horizon`` and ``forecast`` are in s. ``effects`` are effect files to look in too. ``output`` writes the model with its effects.
+    ``model`` is a model file or an answer of `identify` or `explain`. ``horizon`` and ``forecast`` are in s. ``effects`` are effect
+    files to look in too. ``output`` writes the model with its effects.
     """
-    return _answer(Explanation, "explain", records, _options(locals()))[0]
+    with _lent(_options(locals())) as options:
+        return _answer(Explanation, "explain", records, options)[0]
 
 
-def validate(*records: Source, rig: Optional[Name] = None, model: Union[Name, Identification, Explanation, None] = None,
-             free: Optional[Source] = None, tolerance_deg: Optional[float] = None, starts: Optional[int] = None,
+def validate(*records: Source, rig: Optional[Name] = None, model: AnyModel = None, free: Optional[Source] = None, tolerance_deg: Optional[float] = None, starts: Optional[int] = None,
              seed: Optional[int] = None, bifurcation: Optional[Mapping[str, tuple[float, float]]] = None, time: Optional[str] = None,
              map: Map = None, recover: bool = False, resample: bool = False, from_: Optional[float] = None, to: Optional[float] = None,
              strict: bool = False, report: Optional[Name] = None, force: bool = False) -> Validation:
@@ -100,11 +165,7 @@ def validate(*records: Source, rig: Optional[Name] = None, model: Union[Name, Id
 
     ``model`` is a model file or an answer of `identify` or `explain`; ``free`` a record of free vibration; ``tolerance_deg`` in degrees.
     """
-    options = _options(locals())
-    with tempfile.TemporaryDirectory(prefix="whirl-") as folder:
-        if isinstance(model, (Identification, Explanation)):
-            options["model"] = Path(folder) / "model.toml"
-            model.save(options["model"])
+    with _lent(_options(locals())) as options:
         options["free"] = None if free is None else read(free)
         return _answer(Validation, "validate", records, options)[0]
 
@@ -135,16 +196,23 @@ def init(*records: Source, output: Name, system: Optional[str] = None, drive_hz:
 
     ``drive_hz`` is the drive's frequency where you know it, 0 for none.
     """
-    return _answer(Draft, "init", records, {**_options(locals()), "rig": None})[0]
+    draft = _answer(Draft, "init", records, _options(locals()))[0]
+    return replace(draft, rig=output, text=_next_steps(draft.text, output))
+
+
+def _next_steps(text: str, rig: Name) -> str:
+    """The text of `init` with what comes next as calls of this package."""
+    done, _, _ = text.partition("Next: ")
+    return f'{done}Next: whirl.inspect(record, rig={os.fspath(rig)!r}), then whirl.identify(record, rig={os.fspath(rig)!r})\n'
 
 
 def simulate(rig: Optional[Name] = None, *, seconds: Optional[float] = None, seed: Optional[int] = None,
-             effect: Union[str, Sequence[str], None] = None, model: Optional[Name] = None, from_: Optional[Source] = None,
+             effect: Union[str, Sequence[str], None] = None, model: AnyModel = None, from_: Optional[Source] = None,
              time: Optional[str] = None, map: Map = None, start: Optional[float] = None, initial: Optional[Sequence[float]] = None,
              output: Optional[Name] = None, force: bool = False) -> Record:
     """A record of a simulated rig, or with ``model`` of an identified one: ``whirl simulate``.
 
-    ``effect`` is such as ``"quadratic-drag@arm2=2e-6"``; ``seconds`` and ``start`` in s; ``time`` and ``map`` read ``from_``;
+    ``model`` is a model file or an answer of `identify` or `explain`. ``effect`` is such as ``"quadratic-drag@arm2=2e-6"``; ``seconds`` and ``start`` in s; ``time`` and ``map`` read ``from_``;
     ``initial`` of shape (2 n,), coordinates and then rates, SI units. Without ``output`` the record is a temporary file that lives as long as the `Record`.
     """
     options = _options(locals())
@@ -153,5 +221,9 @@ def simulate(rig: Optional[Name] = None, *, seconds: Optional[float] = None, see
         folder = tempfile.TemporaryDirectory(prefix="whirl-")
         options["output"] = Path(folder.name) / "simulated.parquet"
     options["from_"] = None if from_ is None else read(from_)
-    _call("simulate", (), options if from_ is None else _reading([options["from_"]], options))
+    with _lent(options) as lent:
+        names = _names((), lent)
+        _call("simulate", (), lent if from_ is None else _reading([lent["from_"]], lent), names)
+    if report is not None:
+        show_in(report, names)
     return Record(options["output"], folder=folder)

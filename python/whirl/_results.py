@@ -7,17 +7,35 @@ import json
 import math
 import os
 import tempfile
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Optional, Union
+from typing import Any, Optional, TypeVar, Union
 
 from . import _whirl
+from ._error import bad, no_such, shown
+from ._whirl import Error
 from ._words import words
 
 #: Half-width of a 95 % interval, standard errors.
 NORMAL_975 = 1.96
 
 Name = Union[str, "os.PathLike[str]"]
+Self = TypeVar("Self", bound="Answer")
+
+#: Options of a file that is written of an answer that is known.
+WRITTEN = ("output", "report", "ledger", "json", "force")
+
+
+def show_in(report: Name, names: Mapping[str, str]) -> None:
+    """Has a report name what was in memory as such, and not by a temporary file."""
+    path = Path(report)
+    if not names or not path.is_file():
+        return
+    text = path.read_text(encoding="utf-8")
+    told = shown(text, {html.escape(file): name for file, name in names.items()})
+    if told != text:
+        _replaced(path, told)
 
 
 def _number(value: Optional[float], decimals: Optional[int] = None) -> str:
@@ -36,6 +54,26 @@ def plus_minus(value: Optional[float], half: Optional[float]) -> str:
         return f"{_number(value, max(decimals, 0))} ± {_number(half, max(decimals, 0))}"
     scale = 10.0**power
     return f"({_number(value / scale, max(decimals + power, 0))} ± {_number(half / scale, max(decimals + power, 0))})e{power}"
+
+
+def _write_new(path: Path, text: str, force: bool, read: Iterable[Any]) -> None:
+    """Writes a text to a file that is new, or with ``force`` none of those that the answer came from."""
+    if path.exists():
+        if not force:
+            raise bad(os.fspath(path), "a file that is there already", "a new file", "Name another, or replace it with force=True")
+        if any(one is not None and os.path.exists(one) and path.samefile(one) for one in read):
+            raise bad(os.fspath(path), "a file that this answer came from", "another", "Name another output")
+    try:
+        _replaced(path, text)
+    except OSError as error:
+        raise bad(os.fspath(path), str(error.strerror), "a file that can be written", "Name one in a folder that exists") from None
+
+
+def _replaced(path: Path, text: str) -> None:
+    """Writes beside a file and renames, so that it is whole at any time."""
+    beside = path.with_name(f".{path.name}.part")
+    beside.write_text(text, encoding="utf-8")
+    os.replace(beside, path)
 
 
 @dataclass(frozen=True)
@@ -93,7 +131,7 @@ class Parameters(tuple[Parameter, ...]):
         for one in self:
             if one.name == key:
                 return one
-        raise KeyError(key)
+        raise no_such("parameter", key, (one.name for one in self))
 
     def __repr__(self) -> str:
         rows = [one._cells() for one in self]
@@ -122,16 +160,36 @@ class Answer:
     reasons: tuple[str, ...]
     #: The rig file and the records of the call.
     rig: Optional[Name]
-    records: tuple[Any, ...]
-    _answer: _whirl.Answer = field(compare=False)
+    records: tuple[Any, ...] = field(compare=False)
+    #: What it is written out from; None where it was read from a pickle.
+    _answer: Optional[_whirl.Answer] = field(compare=False)
+    #: What stands for the temporary files of the call.
+    _names: Mapping[str, str] = field(default_factory=dict, compare=False)
 
     def to_dict(self) -> dict[str, Any]:
         """The command's JSON result, a copy."""
         copy: dict[str, Any] = json.loads(self.json_text)
         return copy
 
+    @property
+    def _verdict(self) -> str:
+        """The sentence that the answer opens with; with why it is negative where that does not say so."""
+        first = self.text.strip().partition("\n")[0]
+        said = self.positive or "cannot stand" in first
+        return first if said else "\n".join((*self.reasons, first))
+
     def __repr__(self) -> str:
-        return "\n".join(self.text.strip().splitlines()[:12])
+        return self.text.strip()
+
+    def __copy__(self: Self) -> Self:
+        return replace(self)
+
+    def __deepcopy__(self: Self, memo: Any) -> Self:
+        return replace(self, json=self.to_dict())
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what it is written out from, which stays in its process."""
+        return {**self.__dict__, "_answer": None}
 
 
 @dataclass(frozen=True, repr=False)
@@ -141,9 +199,18 @@ class Kept(Answer):
     def write(self, **options: Any) -> None:
         """Writes the files of further options of the command (``report=``, ``output=``, ``force=True`` …); nothing is computed again.
 
-        Raises `whirl.Error` for a file that cannot be written, or that is a record and ``force`` is not given.
+        Raises `whirl.Error` for a file that cannot be written, or that is a record and ``force`` is not given, for an option that names
+        no file, and for an answer that was read from a pickle.
         """
+        for name in options:
+            if name not in WRITTEN:
+                raise no_such("write", name, WRITTEN, "Nothing is computed again here: other options are the command's")
+        if self._answer is None:
+            raise bad("write", "an answer from a pickle", "one of this process: what a report is written from is not pickled",
+                      "Call the command again, or write the report before")
         self._answer.write(words(options))
+        if options.get("report") is not None:
+            show_in(options["report"], self._names)
 
     def report(self, path: Name, *, force: bool = False) -> None:
         """Writes the self-contained report, HTML. Raises `whirl.Error` where it cannot be written."""
@@ -152,7 +219,23 @@ class Kept(Answer):
 
 @dataclass(frozen=True, repr=False)
 class Model(Kept):
-    """An answer that is a model: it can be written, simulated and exported."""
+    """An answer that is a model: it can be written, simulated and exported, also when it was read from a pickle."""
+
+    #: The model file's text where the answer was read from a pickle.
+    _model: Optional[str] = field(default=None, compare=False)
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**super().__getstate__(), "_model": self._model or self._file()}
+
+    def _file(self) -> Optional[str]:
+        """The model file's text; None where there is no model."""
+        with tempfile.TemporaryDirectory(prefix="whirl-") as folder:
+            path = Path(folder) / "model.toml"
+            try:
+                self.save(path)
+            except Error:
+                return None
+            return path.read_text(encoding="utf-8")
 
     @property
     def parameters(self) -> Parameters:
@@ -165,7 +248,10 @@ class Model(Kept):
 
     def save(self, path: Name, *, force: bool = False) -> None:
         """Writes the model file (TOML) for `validate`, `explain` and `export`. Raises `whirl.Error` where there is no model."""
-        self.write(output=path, force=force)
+        if self._answer is not None or self._model is None:
+            self.write(output=path, force=force)
+        else:
+            _write_new(Path(path), self._model, force, (self.rig, *self.records))
 
     def simulate(self, *, seconds: Optional[float] = None, initial: Any = None, from_: Any = None, start: Optional[float] = None,
                  output: Optional[Name] = None, force: bool = False, rig: Optional[Name] = None) -> Any:
@@ -178,11 +264,8 @@ class Model(Kept):
         """
         from ._commands import simulate
 
-        with tempfile.TemporaryDirectory(prefix="whirl-") as folder:
-            model = Path(folder) / "model.toml"
-            self.save(model)
-            return simulate(rig or self.rig, model=model, seconds=seconds, initial=initial, from_=from_, start=start, output=output,
-                            force=force)
+        return simulate(rig or self.rig, model=self, seconds=seconds, initial=initial, from_=from_, start=start, output=output,
+                        force=force)
 
     def export(self, to: str, output: Name, *, force: bool = False) -> None:
         """Writes the model as code: ``to`` is python, matlab, julia, c, modelica or latex. Raises `whirl.Error` where it cannot be."""
@@ -213,10 +296,10 @@ class Identification(Model):
 
     def __repr__(self) -> str:
         used = self.json["record"]["samples"]
-        return f"Identification of {self.model} by {self.method}, {used} samples; ± is 95 %\n{self.parameters!r}"
+        return f"{self._verdict}\nIdentification of {self.model} by {self.method}, {used} samples; ± is 95 %\n{self.parameters!r}"
 
     def _repr_html_(self) -> str:
-        return self.parameters._repr_html_()
+        return f"<p>{html.escape(self._verdict)}</p>{self.parameters._repr_html_()}"
 
 
 @dataclass(frozen=True, repr=False)
@@ -245,7 +328,7 @@ class Explanation(Model):
 
     def __repr__(self) -> str:
         effects = f"\nadded; ± is 95 %\n{self.effects!r}" if self.effects else ""
-        return f"{self.verdict}: {self.reason}{effects}"
+        return f"{self._verdict}\n{self.verdict}: {self.reason}{effects}"
 
 
 @dataclass(frozen=True, repr=False)

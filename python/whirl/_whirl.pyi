@@ -1,18 +1,22 @@
 """The extension module: words of a command line go in, what the command says comes out."""
 
 from os import PathLike
-from typing import List, Optional, Tuple, Union
+from typing import Any, Dict, List, Optional, Tuple, Union
 
 __version__: str
 
 class Error(ValueError):
-    """Bad input or usage, in the program's words: file, place, what was found, what was expected, what to do."""
+    """Bad input or usage, in the program's words: file, place, what was found, what was expected, what to do.
+
+    Each is None where it is not known. ``json`` is the command's result where a record was at fault.
+    """
 
     file: Optional[PathLike[str]]
     place: Optional[str]
-    found: str
-    expected: str
-    remedy: str
+    found: Optional[str]
+    expected: Optional[str]
+    remedy: Optional[str]
+    json: Optional[Dict[str, Any]]
 
 class Answer:
     @property

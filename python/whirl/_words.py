@@ -6,6 +6,10 @@ import os
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numpy as np
+
+from ._error import bad
+
 
 def _text(value: Any) -> str:
     """A value as one word; numbers in the shortest digits that read back to the same binary64."""
@@ -15,6 +19,8 @@ def _text(value: Any) -> str:
         return str(int(value))
     if isinstance(value, float):
         return repr(float(value))
+    if value is np.ma.masked:
+        raise bad(None, "a masked value among the options", "numbers")
     item = getattr(value, "item", None)
     return _text(item()) if item is not None else str(value)
 
