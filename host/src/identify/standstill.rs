@@ -28,8 +28,8 @@ const STILL: f64 = 0.125;
 const MEANS: usize = 8;
 const RANGE: f64 = 6.0;
 
-/// Standard errors of a bend from which it is one, where it is as large as the noise besides: a sensor
-/// at rest may drift by less.
+/// Standard errors of a bend from which it is one, where it is as large as the noise besides: a
+/// sensor at rest may drift by less.
 const BENT: f64 = 4.0;
 
 /// Share of the windows in motion that must be left.

@@ -2,8 +2,8 @@
 //! `time_ms`, `Time [s]`.
 //!
 //! A unit may stand in brackets, wherever they are (`Force (N) Run 8`), or at the end of a name
-//! behind `_`, a blank, `/` or `-`. What the time is called is known in some spellings; what anything else is called, and what it measures,
-//! only the rig file says.
+//! behind `_`, a blank, `/` or `-`. What the time is called is known in some spellings; what
+//! anything else is called, and what it measures, only the rig file says.
 
 use std::path::Path;
 

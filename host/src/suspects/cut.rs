@@ -2,10 +2,10 @@
 //!
 //! In a motion that is fast beside the samples second differences are somewhere as large as
 //! velocities, and what was beyond the limit comes back as slowly as it turned round there: neither
-//! end of the run has a velocity that jumps as [`super::frozen`] asks. What is lacking tells it: all
-//! that comes to rest by itself slows down before, by as much in a sample as takes its velocity in
-//! the last ones. A channel that stands elsewhere too, as an actuator that goes from place to place,
-//! is left alone.
+//! end of the run has a velocity that jumps as [`super::frozen`] asks. What is lacking tells it:
+//! all that comes to rest by itself slows down before, by as much in a sample as takes its velocity
+//! in the last ones. A channel that stands elsewhere too, as an actuator that goes from place to
+//! place, is left alone.
 //!
 //! Limits: a motion that runs against a stop, and is held there, looks the same.
 
@@ -17,8 +17,8 @@ use super::trace::{Samples, Trace};
 const FEWEST: usize = 8;
 const LONGER: usize = 4;
 
-/// Whether runs at one extreme are those of a limit: once is a stop that happens to be the furthest,
-/// unless nothing stops so.
+/// Whether runs at one extreme are those of a limit: once is a stop that happens to be the
+/// furthest, unless nothing stops so.
 pub fn is_limit(runs: &[&Run]) -> bool {
     runs.len() >= 2 || runs.iter().any(|r| r.is_cut)
 }
@@ -29,8 +29,8 @@ pub fn range(trace: &Trace<'_>) -> (f64, f64) {
     all.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(x), high.max(x)))
 }
 
-/// Whether a run at the channel's least or greatest value is reached, or left, without slowing down,
-/// in a channel that stands nowhere else as long.
+/// Whether a run at the channel's least or greatest value is reached, or left, without slowing
+/// down, in a channel that stands nowhere else as long.
 pub fn cut(trace: &Trace<'_>, (stretch, from, to): (usize, usize, usize), [low, high]: [f64; 2]) -> bool {
     let s = &trace.stretches[stretch];
     let value = s.at(from);

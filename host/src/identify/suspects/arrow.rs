@@ -95,9 +95,9 @@ impl Even {
     }
 }
 
-/// The sign of an equation's inertia and stiffness for coordinate i; none where neither is clear, or
-/// where the stiffness contradicts an inertia that was fitted. One that stands in the balance cannot
-/// be wrong: a stiffness against it is an equilibrium that does not hold.
+/// The sign of an equation's inertia and stiffness for coordinate i; none where neither is clear,
+/// or where the stiffness contradicts an inertia that was fitted. One that stands in the balance
+/// cannot be wrong: a stiffness against it is an equilibrium that does not hold.
 fn even_sign(
     model: &ModelFile,
     omega: f64,
