@@ -194,3 +194,21 @@ fn a_name_that_two_columns_have_is_told() {
     let e = drafted("a.csv", &head("t,x,x,x"), None).unwrap_err().to_string();
     assert!(e.contains("x: 3 columns have this name in the header: rename them"), "{e}");
 }
+
+#[test]
+fn a_column_in_a_unit_of_another_kind_is_left_out_and_marked() {
+    let text = |head: &str, more: bool| {
+        let row = |i: f64| {
+            let push = if more { format!(",{:.3}", (0.03 * i).cos()) } else { String::new() };
+            format!("{},{:.3},{:.3},{:.2}{push}", 0.002 * i, (0.02 * i).sin(), 9.0 * (0.05 * i).cos(), (0.07 * i).cos())
+        };
+        format!("{head}\n{}", rows(3000, row))
+    };
+    let e = drafted("a.csv", &text("t,x_mm,theta_deg,I / mA", false), Some("cart-pendulum")).unwrap_err().to_string();
+    assert!(e.contains("I / mA (a measured quantity in A)"), "{e}");
+    assert!(e.contains("expected a column for force, a measured quantity in N"), "{e}");
+    let d = drafted("a.csv", &text("t,x_mm,theta_deg,I / mA,push", true), Some("cart-pendulum")).unwrap();
+    assert_eq!(channel(&d, "push").measures, "force");
+    let left = d.unused.iter().find(|s| s.of == "I / mA").unwrap();
+    assert!(left.check && left.why.contains("its unit A is none of force"), "{left:?}");
+}

@@ -61,7 +61,8 @@ impl Time {
     }
 }
 
-/// Writes columns of equal length, as [`column`] makes them, sampled at the rig's rate from t = 0 on.
+/// Writes columns of equal length, as [`column`] makes them, sampled at the rig's rate from t = 0
+/// on.
 ///
 /// # Errors
 /// A file that cannot be written, a full disk.
