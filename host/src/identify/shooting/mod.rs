@@ -141,7 +141,7 @@ pub fn slips(
     // Where more than slips is left, what looks like one may be that; short pieces show it soon.
     let settings = Settings { most_left: Some(MISSES), ..Settings::default() };
     let attempt = shoot(&given, true, &settings, progress)?;
-    if !attempt.outcome.fit.converged || attempt.outcome.noise_ratio.iter().any(|r| *r > MISSES) {
+    if !attempt.outcome.fit.converged || attempt.outcome.usual_left() > MISSES {
         return Ok(Vec::new());
     }
     Ok(slips::placed(&attempt.slips, bound, &prepared))

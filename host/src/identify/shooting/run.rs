@@ -71,6 +71,18 @@ pub struct Outcome {
     pub rounds: usize,
 }
 
+impl Outcome {
+    /// What most pieces leave, in units of the noise: a few may hold slips of counts.
+    pub fn usual_left(&self) -> f64 {
+        usual(&self.fit).sqrt()
+    }
+}
+
+/// The median of what pieces leave, in squares of the noise.
+fn usual(fit: &ShootingFit) -> f64 {
+    median(&mut fit.shares.iter().map(mean_square).collect::<Vec<f64>>())
+}
+
 /// Why a run gives nothing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Failure {
@@ -157,7 +169,7 @@ pub fn run<D: Dynamics + ?Sized>(
             && fit.parameters.iter().all(|p| p.is_finite())
         {
             // Of most pieces: a few may hold a slip of counts.
-            let usual = median(&mut fit.shares.iter().map(mean_square).collect::<Vec<f64>>());
+            let usual = usual(&fit);
             if most_left.is_some_and(|most| usual > most * most) {
                 return Err(Failure::LeavesTooMuch);
             }
