@@ -49,6 +49,48 @@ fn the_default_is_shooting_where_it_stands() {
     assert!(out["method"] == "weak" && out["not_by_shooting"].is_string(), "{}", out["method"]);
 }
 
+/// A swing of some twenty periods: what its pieces of two periods tell of its friction is a small part
+/// of what the whole tells, to `identify` and to `explain`.
+#[test]
+fn a_free_motion_is_fitted_over_its_whole_length() {
+    let folder = tempfile::tempdir().unwrap();
+    let here = folder.path();
+    let rig = [
+        "name = \"swing\"\nmodel = \"single-pendulum\"\nsample_rate_hz = 100.0\n",
+        "[[channel]]\nname = \"count1\"\nmeasures = \"theta1\"\nunit = \"count\"\ncounts_per_turn = 2048\n",
+        "[known]\nm1 = 0.1\ne1 = 0.02\n",
+        "[plant]\nm1 = 0.1\ne1 = 0.02\nJ_o1 = 1.5e-4\nc_r1 = 3e-5\ninitial = [1.2, 0.0]\n",
+    ];
+    std::fs::write(here.join("swing.toml"), rig.concat()).unwrap();
+    let (friction, inertia) = ("c_r1", "J_o1");
+    let mut off = Vec::new();
+    for seed in 1..=6 {
+        done(here, &format!("simulate --rig swing.toml --seconds 11 --seed {seed} -o r.csv --force"));
+        let errors = |command: &str| {
+            done(here, &format!("{command} r.csv --rig swing.toml --json out.json --force"));
+            let out = json(&here.join("out.json"));
+            let of = |name: &str| {
+                let p = out["parameters"].as_array().unwrap().iter().find(|p| p["name"] == name);
+                let p = p.unwrap_or_else(|| panic!("{command}: {}", out["parameters"]));
+                (p["value"].as_f64().unwrap(), p["std_error"].as_f64().unwrap())
+            };
+            ([of(friction), of(inertia)], out)
+        };
+        let ([c, j], out) = errors("identify");
+        assert_eq!(out["method"], "shooting", "{}", out["not_by_shooting"]);
+        let ([c_of_pieces, _], _) = errors("identify --segment-s 1");
+        assert!(c.1 < 0.2 * c_of_pieces.1, "{c:?} {c_of_pieces:?}");
+        off.extend([(c.0 - 3e-5) / c.1, (j.0 - 1.5e-4) / j.1]);
+        if seed == 1 {
+            let out = errors("explain").1;
+            let details = &out["details"];
+            assert!(details["simulated_s"].as_f64() > details["window_s"].as_f64(), "{details}");
+        }
+    }
+    let rms = (off.iter().map(|z| z * z).sum::<f64>() / off.len() as f64).sqrt();
+    assert!(off.iter().all(|z| z.abs() < 4.0) && rms < 1.8, "{off:?}");
+}
+
 /// Arms that turn by half a radian between samples, driven with two and a half times gravity: states
 /// of pieces are found from a few samples on, where searches over whole ones lead nowhere.
 #[test]

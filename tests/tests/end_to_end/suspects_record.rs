@@ -208,6 +208,21 @@ fn thirty_slips_of_1() {
     slips_of_one("thirty", 970, &["identify", "inspect"]);
 }
 
+/// In a short record the piece that holds a slip of some counts is a good part of what is left.
+#[test]
+fn one_slip_of_6_in_a_short_record() {
+    let (folder, clean) = base();
+    let mut rows = clean[..8_000].to_vec();
+    rows[2_000..].iter_mut().for_each(|r| r[0] += 6);
+    write("six", &rows);
+    done(folder.path(), "identify six.csv --rig rig.toml --json six.json");
+    let result = json(&folder.path().join("six.json"));
+    let told = warning(&result, "count-slip");
+    assert_eq!((&told["channel"], &told["sizes"]), (&"count1".into(), &serde_json::json!([6.0])), "{told}");
+    assert!(told["rows"][0].as_f64().is_some_and(|row| (row - 2_002.0).abs() <= 8.0), "{told}");
+    right("six", &result);
+}
+
 /// What the equations miss is no slip, although single pieces of it look like one.
 #[test]
 fn a_missing_effect_is_not_told_as_slips() {
