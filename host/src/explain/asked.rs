@@ -3,14 +3,14 @@
 
 use super::{Explanation, Settings};
 use crate::warning::Warning;
-use crate::wording::format::significant;
+use crate::wording::format::{rounded, shortest};
 
 /// Share of a record that forecasts predict.
 const PREDICTED: f64 = 0.3;
 
 /// Adds the warnings. `step_s`: between samples; `longest_s`: the longest unbroken stretch.
 pub fn tell_in(result: &mut Explanation, settings: &Settings, step_s: f64, longest_s: f64) {
-    let seconds = |s: f64| significant(s, 4);
+    let seconds = |s: f64| shortest(rounded(s, 4));
     let (told, window_s) = (result.gap.horizon_s, result.details.window_s);
     let mut warnings = Vec::new();
     if let Some(asked) = settings.horizon_s.filter(|h| told < h * (1.0 - 1e-9)) {

@@ -42,8 +42,6 @@ pub(super) struct Row {
 /// Where the columns stand.
 pub(super) fn layout(head: &Head, path: &Path, rig: &Rig) -> Result<Layout> {
     let names = &head.names;
-    let columns = sources(rig).columns;
-    let channels = names::find_all(names, &columns, path)?;
     let own = OWN_COLUMNS.map(|name| names.iter().position(|n| n == name));
     let own = match own {
         [Some(a), Some(b), Some(c)] => Some([a, b, c]),
@@ -55,6 +53,7 @@ pub(super) fn layout(head: &Head, path: &Path, rig: &Rig) -> Result<Layout> {
         None => Err(e),
     })?;
     let per_second = t.per_second.unwrap_or(1.0);
+    let channels = names::find_all(names, &sources(rig).columns, path)?;
     let mended = head.row_cells.map(|n| mended(names, n, char::from(head.delimiter)));
     Ok(Layout {
         delimiter: head.delimiter,
