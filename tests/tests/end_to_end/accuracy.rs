@@ -66,24 +66,26 @@ fn a_free_motion_is_fitted_over_its_whole_length() {
     let mut off = Vec::new();
     for seed in 1..=6 {
         done(here, &format!("simulate --rig swing.toml --seconds 11 --seed {seed} -o r.csv --force"));
-        let errors = |command: &str| {
+        let told = |command: &str| {
             done(here, &format!("{command} r.csv --rig swing.toml --json out.json --force"));
-            let out = json(&here.join("out.json"));
+            json(&here.join("out.json"))
+        };
+        let errors = |out: &serde_json::Value| {
             let of = |name: &str| {
                 let p = out["parameters"].as_array().unwrap().iter().find(|p| p["name"] == name);
-                let p = p.unwrap_or_else(|| panic!("{command}: {}", out["parameters"]));
+                let p = p.unwrap_or_else(|| panic!("{}", out["parameters"]));
                 (p["value"].as_f64().unwrap(), p["std_error"].as_f64().unwrap())
             };
-            ([of(friction), of(inertia)], out)
+            [of(friction), of(inertia)]
         };
-        let ([c, j], out) = errors("identify");
+        let out = told("identify");
+        let [c, j] = errors(&out);
         assert_eq!(out["method"], "shooting", "{}", out["not_by_shooting"]);
-        let ([c_of_pieces, _], _) = errors("identify --segment-s 1");
+        let [c_of_pieces, _] = errors(&told("identify --segment-s 1"));
         assert!(c.1 < 0.2 * c_of_pieces.1, "{c:?} {c_of_pieces:?}");
         off.extend([(c.0 - 3e-5) / c.1, (j.0 - 1.5e-4) / j.1]);
         if seed == 1 {
-            let out = errors("explain").1;
-            let details = &out["details"];
+            let details = told("explain")["details"].clone();
             assert!(details["simulated_s"].as_f64() > details["window_s"].as_f64(), "{details}");
         }
     }

@@ -68,9 +68,18 @@ pub(super) struct Simulated {
     pub moving: Moving,
     /// Sign of each parameter: 0 either, NaN as it is.
     pub signs: Vec<f64>,
+    /// The model's coefficients and strengths.
+    columns: usize,
 }
 
 impl Simulated {
+    /// Whether a simulation fits everything: no effect on the sensors, which is taken off the record
+    /// as it is, no shape, and no states of effects, which take long to follow.
+    pub fn is_whole(&self) -> bool {
+        let all = self.signs.len() == self.columns && self.signs.iter().all(|s| !s.is_nan());
+        all && self.moving.hidden.is_empty()
+    }
+
     /// Of a model with coefficients `x`.
     pub fn new(setting: &Setting<'_>, state: &State, x: &DVector<f64>) -> Option<Self> {
         let stretch = longest(state)?;
@@ -93,7 +102,7 @@ impl Simulated {
         };
         let signs: Vec<f64> = moving.equations.coefficients().iter().map(sign_of).collect();
         let begin = state.followed.as_ref().map_or(0, |f| f.first(stretch));
-        Some(Self { stretch, begin, moving, signs })
+        Some(Self { stretch, begin, moving, signs, columns: x.len() })
     }
 }
 
@@ -157,7 +166,7 @@ pub fn left_of_whole(setting: &Setting<'_>, state: &State, outcome: &Outcome) ->
     if setting.rig.drive.is_some() || !setting.bound.inputs.is_empty() {
         return None;
     }
-    let Simulated { stretch, begin, moving, signs } = Simulated::new(setting, state, &outcome.fit.all)?;
+    let Simulated { stretch, begin, moving, signs, .. } = Simulated::new(setting, state, &outcome.fit.all)?;
     let Moving { equations, parameters, hidden } = moving;
     let left = |t: &Track<'_>| free_run::left_of_stretch(&equations, &parameters, &signs, t, (stretch, begin));
     state.on_free_track(setting, hidden, left)
@@ -191,8 +200,7 @@ pub fn measure(
         let split = simulated.split(state, simulation.fitted);
         let until = outcome.until(split.stretch, split.fitted);
         let by_windows = simulated.by_windows(setting, state, until, split);
-        // What follows states of effects as well takes long, for shapes that stay as they are.
-        let worthwhile = by_windows.is_none() || simulated.moving.hidden.is_empty();
+        let worthwhile = by_windows.is_none() || simulated.is_whole();
         let by_simulation = if worthwhile { simulated.by_simulation(setting, state, split) } else { None };
         let error = |of: &Option<(Vec<f64>, f64)>| of.as_ref().map_or(f64::INFINITY, |f| f.1);
         foretells &= by_simulation.is_some() && error(&by_simulation) <= NO_WORSE * error(&by_windows);

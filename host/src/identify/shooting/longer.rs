@@ -39,7 +39,7 @@ const PERIOD_SAMPLES: f64 = 200.0;
 const EXACT: f64 = 1e-4;
 /// Growth of pieces from one length to the next: a frequency from one piece of a length L, known to
 /// 1/L^{3/2}, keeps the phase over many.
-const GROWTH: usize = 4;
+pub const GROWTH: usize = 4;
 /// Shortest beginning over which an initial state is sought, samples.
 const FIRST_SAMPLES: usize = 16;
 
