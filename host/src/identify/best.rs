@@ -4,9 +4,9 @@
 //! Where the equations hold, shooting's standard errors are near the bound of Cramér and Rao, those
 //! of the weak form 2 to 80 times as large. Where they miss something, what is missing adds up
 //! along a piece, and the weak form, which weighs it where it acts, is the sounder start. A motion
-//! that nothing drives, or that follows measured inputs, can be followed over whole stretches: there
-//! the fit is taken whose standard errors are smaller, both being those of what is left along the
-//! record, whatever that is.
+//! that nothing drives can be followed over whole stretches: there the fit is taken whose standard
+//! errors are smaller, both being those of what is left along the record, whatever that is. Under
+//! measured inputs the weak form has the force itself to go by.
 
 use std::borrow::Cow;
 

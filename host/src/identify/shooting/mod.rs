@@ -148,8 +148,9 @@ pub fn slips(
 }
 
 /// Parameters by simulations of pieces as long as tell the most ([`longer`](mod@longer)), from the
-/// weak form's result, whatever the equations miss. None under a drive, where records have
-/// coefficients of their own, and where no piece is followed.
+/// weak form's result, whatever the equations miss. None under a drive or measured inputs, whose
+/// forces the weak form weighs, where records have coefficients of their own, and where no piece is
+/// followed.
 ///
 /// # Errors
 /// As [`identify`].
@@ -162,7 +163,8 @@ pub fn simulated(
 ) -> Result<Option<Identification>> {
     let own = built_in::written(rig)?;
     let bound = built_in::bound(&own)?;
-    if own.drive.is_some() || bound.model.equations.iter().flat_map(|e| &e.terms).any(|t| t.each_record) {
+    let has_inputs = !bound.inputs.is_empty();
+    if own.drive.is_some() || has_inputs || bound.model.equations.iter().flat_map(|e| &e.terms).any(|t| t.each_record) {
         return Ok(None);
     }
     let prepared = prepare_moving(records, &own, bound, weak)?;
