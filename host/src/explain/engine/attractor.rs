@@ -46,8 +46,8 @@ pub struct Attractor {
     pub section_p_value: Option<f64>,
 }
 
-/// Measures a model with coefficients `x` of some covariance; none where something does not turn or nothing can be
-/// predicted.
+/// Measures a model with coefficients `x` of some covariance; none where something does not turn or
+/// nothing can be predicted.
 pub fn measure(
     setting: &Setting<'_>,
     state: &State,
