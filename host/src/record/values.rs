@@ -61,7 +61,7 @@ impl Time {
     }
 }
 
-/// Writes columns of equal length, as [`column`] makes them, sampled at the rig's rate from t = 0
+/// Writes columns of equal length, as [`column()`] makes them, sampled at the rig's rate from t = 0
 /// on.
 ///
 /// # Errors
