@@ -222,8 +222,5 @@ def simulate(rig: Optional[Name] = None, *, seconds: Optional[float] = None, see
         options["output"] = Path(folder.name) / "simulated.parquet"
     options["from_"] = None if from_ is None else read(from_)
     with _lent(options) as lent:
-        names = _names((), lent)
-        _call("simulate", (), lent if from_ is None else _reading([lent["from_"]], lent), names)
-    if report is not None:
-        show_in(report, names)
+        _call("simulate", (), lent if from_ is None else _reading([lent["from_"]], lent), _names((), lent))
     return Record(options["output"], folder=folder)
