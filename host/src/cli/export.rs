@@ -52,7 +52,7 @@ struct Summary {
 
 /// Reads, prints, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    arguments.out.refuse_report("code", "`whirl identify` and `whirl explain` write one of the model")?;
+    arguments.out.tell_no_report("code", "`whirl identify` and `whirl explain` write one of the model");
     let rig = arguments.rig.as_ref().map(Rig::read).transpose()?;
     let mut files = Outputs::of(&arguments.out, Some(arguments.replace)).reads([&arguments.model]);
     if let Some(rig) = &rig {

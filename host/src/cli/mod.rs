@@ -294,7 +294,7 @@ impl Records {
 /// The command line with all its subcommands.
 fn command() -> clap::Command {
     let all = Cli::command().mut_subcommand("batch", batch::without_single_outputs);
-    // They refuse it with a message of their own.
+    // They say that there is none.
     let all = all.mut_subcommands(|c| match WITHOUT_REPORT.contains(&c.get_name()) {
         true => c.mut_arg("report", |a| a.hide(true)),
         false => c,

@@ -92,6 +92,13 @@ impl Output {
         Err(BadInput::new("--report", format!("no report of {of}")).at("--report").remedy(remedy))
     }
 
+    /// Says that there is no report of what a command does, where one was asked for.
+    pub fn tell_no_report(&self, of: &str, remedy: &str) {
+        if self.report.is_some() {
+            tell(format!("--report: there is no report of {of}, and none was written; {remedy}"));
+        }
+    }
+
     /// Prints the answer for people, unless standard output is taken by the JSON.
     pub fn say(&self, text: &str) {
         if !self.json.as_deref().is_some_and(is_standard_output) {

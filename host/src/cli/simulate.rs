@@ -62,7 +62,7 @@ pub struct Arguments {
 
 /// Simulates and writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    arguments.out.refuse_report("a simulated record", "`whirl inspect` writes one of the record")?;
+    arguments.out.tell_no_report("a simulated record", "`whirl inspect` writes one of the record");
     let named = [("--time", arguments.columns.time.is_some()), ("--map", !arguments.columns.map.is_empty())];
     if let Some((option, _)) = named.iter().find(|n| n.1 && arguments.from.is_none()) {
         return Err(BadInput::new("no record", "the record whose column it names")

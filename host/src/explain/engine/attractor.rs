@@ -58,7 +58,6 @@ pub fn measure(
         return None;
     }
     let moving = state.free_motion_of(setting, x, 0)?;
-    let drawn = drawn(setting, state, x, covariance)?;
     let model = moving.model(how.step_s);
     let tolerance = vec![TOLERANCE_DEG.to_radians(); setting.bound.sensors.len()];
     state.on_free_track(setting, moving.hidden.clone(), |track| {
@@ -70,6 +69,7 @@ pub fn measure(
             let whole = (MOST_PERIODS * period_s / stretch.step_s).ceil() as usize + 1;
             let count = stretch.len().min(whole).min(MOST_SAMPLES);
             let step_s = how.step_s.unwrap_or(0.0).max(period_s / STEPS);
+            let drawn = drawn(setting, state, x, covariance)?;
             let made = model.made(track, (longest, count), how.horizon_s, step_s, &drawn)?;
             let clouds = sections(setting, &state.sensors(setting), stretch, count, made)?;
             among(&clouds[0], &clouds[1..])
@@ -84,6 +84,10 @@ pub fn measure(
 
 /// Values of the parameters of its equations for coefficients as they may be.
 fn drawn(setting: &Setting<'_>, state: &State, x: &DVector<f64>, covariance: &DMatrix<f64>) -> Option<Vec<Vec<f64>>> {
+    // What is no number has no eigenvalues to be found.
+    if !covariance.iter().all(|c| c.is_finite()) {
+        return None;
+    }
     let root = covariance.clone().symmetric_eigen();
     let scatter = root.eigenvalues.map(|v| v.max(0.0).sqrt());
     let mut rng = ChaCha8Rng::seed_from_u64(SEED);

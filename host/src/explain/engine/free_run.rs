@@ -3,7 +3,7 @@
 //! ([`crate::identify::shooting`]).
 
 use super::prediction::motion_power;
-use crate::identify::shooting::longer::GROWN;
+use crate::identify::shooting::longer::{EXACT, GROWN, PERIOD_SAMPLES, ROUNDS, TOLERANCE};
 use crate::identify::shooting::problem::Piece;
 use crate::identify::shooting::solve::{Bounds, Start, minimise};
 use crate::identify::track::Track;
@@ -15,14 +15,6 @@ const MOST_FREE: usize = 60_000;
 const MOST_DRIVEN: usize = 4_000;
 /// Samples over which the step of integration is sought.
 const STEP_SAMPLES: usize = 2000;
-/// Samples that stand for a period there: the search begins with a twentieth of them.
-const PERIOD_SAMPLES: f64 = 200.0;
-/// Most rounds of a fit by simulation, and the promise, in squared standard errors, at which it
-/// stops.
-const ROUNDS: usize = 16;
-const TOLERANCE: f64 = 1e-2;
-/// Share of what a sensor shows to which solutions are exact.
-const EXACT: f64 = 1e-4;
 
 /// A part of a stretch that a free run is fitted to, and where it ends: samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

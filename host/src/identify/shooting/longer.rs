@@ -23,22 +23,24 @@ use crate::identify::jackknife::widening;
 use crate::identify::track::Track;
 use crate::model::dynamics::Dynamics;
 
-/// Parts of a record between which scores scatter.
+/// Parts of a record between which scores scatter (by hand).
 const PARTS: usize = 24;
 /// Most samples that are followed: some seconds of work.
 const MOST_SAMPLES: usize = 60_000;
 /// Growth of an initial error over a piece up to which it is followed: that of swings whose frequency
-/// depends on their size stays below, chaos is beyond in ten to twenty periods.
+/// depends on their size stays below, chaos is beyond in ten to twenty periods (by hand).
 pub const GROWN: f64 = 100.0;
 /// Most rounds of a fit, and the promise, in squared standard errors, at which it stops.
-const ROUNDS: usize = 16;
-const TOLERANCE: f64 = 1e-2;
+pub const ROUNDS: usize = 16;
+/// See [`ROUNDS`].
+pub const TOLERANCE: f64 = 1e-2;
 /// Samples that stand for a period where the step of integration is sought, which begins with a
-/// twentieth of them, and the share of what a sensor shows to which solutions are exact.
-const PERIOD_SAMPLES: f64 = 200.0;
-const EXACT: f64 = 1e-4;
-/// Growth of pieces from one length to the next: a frequency from one piece of a length L, known to
-/// 1/L^{3/2}, keeps the phase over many.
+/// twentieth of them.
+pub const PERIOD_SAMPLES: f64 = 200.0;
+/// Share of what a sensor shows to which solutions are exact.
+pub const EXACT: f64 = 1e-4;
+/// Growth of pieces from one length to the next (by hand): a frequency from one piece of a length L,
+/// known to 1/L^{3/2}, keeps the phase over many.
 pub const GROWTH: usize = 4;
 /// Shortest beginning over which an initial state is sought, samples.
 const FIRST_SAMPLES: usize = 16;
@@ -76,7 +78,8 @@ pub fn longer<D: Dynamics + ?Sized>(
         return None;
     }
     let longest = from.samples(track).into_iter().max()?;
-    let grown = (1..usize::BITS).map_while(|k| from.length.checked_mul(GROWTH.pow(k))).take_while(|l| *l < longest);
+    let grown =
+        (1..usize::BITS).map_while(|k| from.length.checked_mul(GROWTH.checked_pow(k)?)).take_while(|l| *l < longest);
     let mut best: Option<(Outcome, usize)> = None;
     let mut parameters = from.parameters.to_vec();
     for length in grown.chain([longest]) {
