@@ -43,7 +43,7 @@ const HIDDEN: &str = "quadratic-drag@arm2=2e-7";
 /// Length of the record, s.
 const SECONDS: f64 = 120.0;
 /// Settings that are looked at for the next experiment: few, a demonstration is to be short.
-const PLANNED: usize = 2;
+const PLANNED: usize = 1;
 
 /// Arguments of `demo`.
 #[derive(Debug, Args)]

@@ -30,8 +30,14 @@ const STRONG: f64 = 0.15;
 /// not told apart: two standard errors, four, times the two and a half by which correlated
 /// neighbouring frequencies count too often.
 const CLOSE: f64 = 10.0;
+/// Times the probability by chance that what is not told from the strongest may have: it is not the
+/// one that has to be clear of all that were tried (by hand).
+const NEARLY: f64 = 10.0;
 /// Share of a gain below which a difference is rounding.
 const EXACT: f64 = 1e-6;
+/// Difference of two candidates, in that below which they are not told apart, that is a likelihood
+/// ratio of e^½: how common laws are differs by more.
+const ONE_NOISE: f64 = 0.25;
 /// Share of a gain within which another's is the same: columns that are one and the same leave
 /// rounding errors without scatter.
 const ALIKE: f64 = 1e-3;
@@ -191,15 +197,23 @@ impl<'a> Field<'a> {
         gain > 0.0 && gain * self.blocks > self.evidence.least_gain(self.total)
     }
 
-    /// Whether a candidate's gain by itself is, and clear of how it scatters from block to block.
+    /// Whether a candidate's gain by itself is, and clear of how it scatters from block to block, or
+    /// of the noise where there is nothing else.
     fn stands(&self, s: &Score) -> bool {
-        s.deviations > self.evidence.least_deviations() && self.is_something(s.gain)
+        let is_clear = s.deviations > self.evidence.least_deviations()
+            || self.evidence.is_above_noise(s.gain * self.blocks, self.total);
+        is_clear && self.is_something(s.gain)
     }
 
     /// Whether a candidate is significant over all that were tried, and a gain, and neither feeds
     /// the motion nor is one of those `feigned`, which the sensors alone give.
     fn is_significant(&self, s: &Score, feigned: &[usize]) -> bool {
-        let is_rare = s.p * self.tests() < OF_A_FAMILY;
+        self.is_supported(s, feigned, 1.0)
+    }
+
+    /// The same with so many times the probability by chance.
+    fn is_supported(&self, s: &Score, feigned: &[usize], times: f64) -> bool {
+        let is_rare = s.p * self.tests() < times * OF_A_FAMILY;
         is_rare && self.stands(s) && !self.feeds(s) && !feigned.contains(&s.index)
     }
 
@@ -306,9 +320,10 @@ pub(super) fn choose(
     let winner = loop {
         let significant = |s: &Score| field.is_significant(s, &feigned);
         let Some(strongest) = order.iter().find(|s| significant(s)) else { break None };
-        let within = order.iter().filter(|s| significant(s)).filter(|s| {
+        // Once something is, the others need not be clear of all that were tried by themselves.
+        let within = order.iter().filter(|s| field.is_supported(s, &feigned, NEARLY)).filter(|s| {
             let (mean, error) = ranking::gain(&s.fit.held_out, &strongest.fit.held_out);
-            mean <= error
+            mean <= error || mean * blocks < field.evidence.least_apart()
         });
         // A refinement is not named where what it refines does as well.
         let within: Vec<&&Score> = within.collect();
@@ -317,9 +332,11 @@ pub(super) fn choose(
             !within.iter().any(|o| Some(field.name(o)) == refined)
         };
         let Some(winner) = within.iter().filter(simpler).min_by_key(|s| complexity(s)).copied() else { break None };
-        // Of those that are one and the same beside the model the first of the catalogue.
+        // Of those that are one and the same beside the model, or of which the noise makes the
+        // difference, the first of the catalogue: its laws are in the order of how common they are.
         let same = order.iter().filter(|s| significant(s) && complexity(s) == complexity(winner));
-        let same = same.filter(|s| (s.gain - winner.gain).abs() < EXACT * winner.gain).min_by_key(|s| s.index);
+        let rounding = (EXACT * winner.gain).max(ONE_NOISE * field.evidence.least_apart() / blocks);
+        let same = same.filter(|s| (s.gain - winner.gain).abs() < rounding).min_by_key(|s| s.index);
         let winner = same.unwrap_or(winner);
         // What is overwhelming is no artefact of the sensors.
         let small = winner.gain * blocks < STRONG * total;
@@ -342,14 +359,15 @@ pub(super) fn choose(
     };
     let twins: Vec<String> = order
         .iter()
-        .filter(|s| field.name(s) != field.name(winner) && field.is_significant(s, &feigned))
+        .filter(|s| field.name(s) != field.name(winner) && field.is_supported(s, &feigned, NEARLY))
         .filter(|s| {
             let (mean, error) = ranking::gain(&s.fit.held_out, &winner.fit.held_out);
             let worse = match (likelihood.get(&s.index), likelihood.get(&winner.index)) {
                 (Some(a), Some(b)) => a - b,
                 _ => f64::INFINITY,
             };
-            mean < 2.0 * error || worse < CLOSE || mean < ALIKE * winner.gain
+            let is_alike = mean < ALIKE * winner.gain || mean * blocks < field.evidence.least_apart();
+            mean < 2.0 * error || worse < CLOSE || is_alike
         })
         .map(|s| field.name(s).to_owned())
         .collect();

@@ -64,6 +64,8 @@ fn sentence(result: &Identification) -> String {
         "but its equations do not balance on this record: something is missing, run `whirl explain`".to_owned()
     } else if result.warnings.iter().any(|w| ["model-misses-something", "more-than-noise"].contains(&w.id)) {
         "but these equations miss something: run `whirl explain`".to_owned()
+    } else if result.warnings.iter().any(|w| w.id == "misses-over-long") {
+        "but over long stretches these equations miss something faint: run `whirl explain`".to_owned()
     } else {
         "and its equations describe the record".to_owned()
     };

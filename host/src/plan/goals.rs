@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{BadInput, Result};
 use crate::files;
+use crate::model::identified::{AddedEffect, IdentifiedModel};
 
 /// A parameter's wanted interval.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -122,6 +123,26 @@ impl Limits {
         }
         Ok(out)
     }
+}
+
+/// Refuses goals that the model does not have.
+pub(super) fn check(settings: &super::Settings<'_>, model: &IdentifiedModel) -> Result<()> {
+    let goals = &settings.goals;
+    let names: Vec<String> = model.effects.iter().map(AddedEffect::name).collect();
+    let sized = settings.sizes.iter().any(|t| t.size.is_some());
+    if !goals.tell.is_empty() && !sized && !goals.tell.iter().any(|t| names.contains(t)) {
+        let has = if names.is_empty() { "no effect".to_owned() } else { names.join(", ") };
+        let found = format!("{} for a model with {has}", goals.tell.join(","));
+        return Err(BadInput::new(found, "an effect that the model has, or one with its size")
+            .at("--tell")
+            .remedy("Give the model that `whirl explain -o` wrote, or the size that it would have: ID@PLACE=VALUE"));
+    }
+    if let Some(p) = goals.precise.iter().find(|p| model.parameter(&p.name).is_none()) {
+        let all: Vec<&str> = model.parameters.iter().map(|p| p.name.as_str()).collect();
+        return Err(BadInput::new(format!("\"{}\"", p.name), format!("a parameter of the model: {}", all.join(", ")))
+            .at("--precise"));
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -44,7 +44,7 @@ pub use self::trial::Share;
 use crate::error::{BadInput, Result};
 use crate::explain::engine::expected::Expected;
 use crate::identify::Parameter;
-use crate::model::identified::{AddedEffect, IdentifiedModel};
+use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
 use crate::rig::Rig;
 
@@ -52,12 +52,14 @@ use crate::rig::Rig;
 pub const APART: f64 = 5.0;
 /// Draws at each setting of the map (by hand).
 const MAP_DRAWS: usize = 4;
-/// Settings that are looked at again, and their further draws (by hand).
+/// Settings that are looked at again, and their further draws: no more of these than settings that
+/// are looked at (by hand).
 const FINALISTS: usize = 3;
 const FURTHER: usize = 3;
 /// Draws of what is proposed that had no part in the choice of it: the best of many is partly the
-/// luckiest (their number by hand).
+/// luckiest (their number, and how many to a setting that is looked at, by hand).
 const CONFIRMED_DRAWS: usize = 6;
+const CONFIRMED_TO_ONE: usize = 3;
 /// Draws of the chaotic share of what is proposed (by hand): of 12 that are all chaotic the share
 /// is 0.76 at least, by Wilson's interval.
 const SHARE_DRAWS: usize = 12;
@@ -188,6 +190,18 @@ pub struct Settings<'a> {
     pub seed: u64,
 }
 
+impl Settings<'_> {
+    /// Further draws of those that are looked at again.
+    fn further(&self) -> usize {
+        FURTHER.min(self.budget.max(1))
+    }
+
+    /// Draws of what is proposed.
+    fn confirmed(&self) -> usize {
+        CONFIRMED_DRAWS.min(CONFIRMED_TO_ONE * self.budget.max(1))
+    }
+}
+
 /// Every n-th of a list, so that about `most` are left, from all over it.
 fn thinned<T: Clone>(all: &[T], most: usize) -> Vec<T> {
     let count = all.len().min(most.max(1));
@@ -269,7 +283,7 @@ fn looked(task: &mut Task<'_>, good: &[Setting], tick: &(dyn Fn() + Sync)) -> Re
     let finalists = ranked.len().min(FINALISTS);
     ranked[..finalists].par_iter_mut().for_each(|(setting, all)| {
         // Its first draw was followed: of a further one that is not, nothing is known.
-        all.extend((1..=FURTHER).filter_map(|draw| look(task, setting, draw).ok().flatten()));
+        all.extend((1..=task.settings.further()).filter_map(|draw| look(task, setting, draw).ok().flatten()));
     });
     sort(task, &mut ranked[..finalists]);
     Ok((ranked, unchanged))
@@ -277,7 +291,7 @@ fn looked(task: &mut Task<'_>, good: &[Setting], tick: &(dyn Fn() + Sync)) -> Re
 
 /// A proposal by further draws alone; as it was where they cannot be followed.
 fn confirmed(task: &Task<'_>, best: &Proposal, tick: &(dyn Fn() + Sync)) -> Proposal {
-    let draws = FURTHER + 1..FURTHER + 1 + CONFIRMED_DRAWS;
+    let draws = FURTHER + 1..FURTHER + 1 + task.settings.confirmed();
     let look = |draw: usize| {
         let found = task.look(&best.setting, draw).ok().flatten();
         tick();
@@ -331,11 +345,11 @@ pub fn plan(
     step: &(dyn Fn(u64, u64) + Sync),
 ) -> Result<Plan> {
     check_rig(rig)?;
-    check_goals(settings, model)?;
+    goals::check(settings, model)?;
     let mut task = Task::new(rig, model, settings)?;
     let grid = task.grid()?;
     let done = AtomicU64::new(0);
-    let all = (grid.len() + settings.budget + 1 + FINALISTS * FURTHER + CONFIRMED_DRAWS) as u64;
+    let all = (grid.len() + settings.budget + 1 + FINALISTS * settings.further() + settings.confirmed()) as u64;
     let tick = || step((done.fetch_add(1, Ordering::Relaxed) + 1).min(all), all);
     let map = map(&task, &grid, &tick)?;
     let good: Vec<Setting> = if rig.drive.is_some() {
@@ -367,24 +381,4 @@ pub fn plan(
         map,
         seed: settings.seed,
     })
-}
-
-/// Refuses goals that the model does not have.
-fn check_goals(settings: &Settings<'_>, model: &IdentifiedModel) -> Result<()> {
-    let goals = &settings.goals;
-    let names: Vec<String> = model.effects.iter().map(AddedEffect::name).collect();
-    let sized = settings.sizes.iter().any(|t| t.size.is_some());
-    if !goals.tell.is_empty() && !sized && !goals.tell.iter().any(|t| names.contains(t)) {
-        let has = if names.is_empty() { "no effect".to_owned() } else { names.join(", ") };
-        let found = format!("{} for a model with {has}", goals.tell.join(","));
-        return Err(BadInput::new(found, "an effect that the model has, or one with its size")
-            .at("--tell")
-            .remedy("Give the model that `whirl explain -o` wrote, or the size that it would have: ID@PLACE=VALUE"));
-    }
-    if let Some(p) = goals.precise.iter().find(|p| model.parameter(&p.name).is_none()) {
-        let all: Vec<&str> = model.parameters.iter().map(|p| p.name.as_str()).collect();
-        return Err(BadInput::new(format!("\"{}\"", p.name), format!("a parameter of the model: {}", all.join(", ")))
-            .at("--precise"));
-    }
-    Ok(())
 }

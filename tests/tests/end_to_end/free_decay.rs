@@ -8,6 +8,7 @@ use super::program::{done, json};
 
 /// A pendulum let go at rest: θ̈ = −ω² sin θ − c θ̇ − d θ̇|θ̇| − τ sign θ̇, held where gravity does not
 /// overcome τ; with noise on what is seen.
+#[derive(Clone, Copy)]
 struct Swing {
     omega_squared: f64,
     c: f64,
@@ -93,4 +94,24 @@ fn what_shows_only_over_the_whole_swing_is_not_nothing() {
     // With viscous friction alone nothing is missing.
     let viscous = Swing { c: 0.076, d: 0.0, tau: 0.0, ..swing };
     assert_eq!(explained(folder.path(), &viscous, 20), ("nothing-missing".to_owned(), Vec::new()));
+}
+
+/// Faint laws that stand some thirty standard errors from nothing by the bound of Cramér and Rao
+/// over the whole swing, and within two over a tenth of it.
+#[test]
+fn faint_frictions_of_a_whole_swing_are_named() {
+    let plain = Swing { omega_squared: 30.0, c: 0.05, d: 0.0, tau: 0.0, from: 1.0, noise: 1e-3 };
+    let hidden = [
+        ("quadratic-drag", Swing { d: 1e-3, ..plain }, 1e-3),
+        ("coulomb-friction", Swing { tau: 0.01, ..plain }, 0.01),
+    ];
+    for (id, swing, truth) in hidden {
+        let folder = tempfile::tempdir().unwrap();
+        let (verdict, effects) = explained(folder.path(), &swing, 24);
+        let [(found, value, error)] = &effects[..] else { panic!("{id}: {verdict} {effects:?}") };
+        assert_eq!((verdict.as_str(), found.as_str()), ("explained", id));
+        assert!((value - truth).abs() < 3.0 * error && *error < 0.06 * truth, "{id}: {value} ± {error}");
+    }
+    let folder = tempfile::tempdir().unwrap();
+    assert_eq!(explained(folder.path(), &plain, 24), ("nothing-missing".to_owned(), Vec::new()));
 }

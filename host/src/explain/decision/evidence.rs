@@ -26,6 +26,14 @@ pub(in crate::explain) trait Evidence: Sync {
     /// Least gain in standard errors between blocks: where a model misses more than noise, a
     /// strength may be significant that predicts nothing better.
     fn least_deviations(&self) -> f64;
+
+    /// Whether a gain is clear of what noise makes of it, where a held-out sum of squares without it
+    /// is noise: what one part of a motion shows scatters from block to block however clear it is.
+    fn is_above_noise(&self, gain: f64, total: f64) -> bool;
+
+    /// Difference between what two candidates leave where they were not fitted, below which they are
+    /// not told apart, however little it scatters.
+    fn least_apart(&self) -> f64;
 }
 
 /// Rows of the weak form, weighted by equation and frequency.
@@ -52,6 +60,14 @@ impl Evidence for Rows<'_> {
     }
 
     fn least_deviations(&self) -> f64 {
+        0.0
+    }
+
+    fn is_above_noise(&self, _gain: f64, _total: f64) -> bool {
+        false
+    }
+
+    fn least_apart(&self) -> f64 {
         0.0
     }
 }

@@ -5,6 +5,7 @@ use nalgebra::{DMatrix, DVector};
 
 use super::candidates::{Candidate, Column};
 use super::design::Design;
+use super::exchange::MISSES;
 use super::power::{Power, Repeats};
 use super::prediction::Range;
 use super::relaxation::Relaxation;
@@ -24,6 +25,10 @@ const LEAST_SHARE: f64 = 0.01;
 
 /// Standard errors between windows at which a gain counts (by hand).
 const LEAST_DEVIATIONS: f64 = 2.0;
+
+/// Difference of two sums of squares in units of the noise's, d², that the noise makes of itself: of
+/// predictions d standard errors apart they differ by d² ± 2d, which is one standard error at 4.
+const LEAST_APART: f64 = 4.0;
 
 /// Most rounds of shooting after something has joined, and the share of what is left by which it
 /// falls while it still does (by hand).
@@ -65,6 +70,15 @@ impl decision::Evidence for Blocks {
 
     fn least_deviations(&self) -> f64 {
         LEAST_DEVIATIONS
+    }
+
+    fn is_above_noise(&self, gain: f64, total: f64) -> bool {
+        let deviations = (gain / LEAST_APART).max(0.0).sqrt();
+        self.are_parts && total <= MISSES * self.noise() && deviations > LEAST_DEVIATIONS
+    }
+
+    fn least_apart(&self) -> f64 {
+        LEAST_APART
     }
 }
 

@@ -14,9 +14,11 @@ use nalgebra::{DMatrix, DVector};
 use rayon::prelude::*;
 use serde::Serialize;
 
+use super::candidates::Candidate;
 use super::evidence::{self, Evidence, Outcome};
 use super::setting::{Begun, Lines, Setting};
 pub use super::shooting::MOST_SAMPLES;
+use super::shooting::WHOLE;
 use super::state::State;
 use super::{given, settled, start, tell};
 use crate::error::{BadInput, Result};
@@ -72,6 +74,21 @@ fn effects(setting: &Setting<'_>, state: &State) -> Vec<(String, core::ops::Rang
     out
 }
 
+/// The fit as an explanation goes on: in whole stretches of a motion that nothing drives, where it
+/// can be followed so far; the windows whose motion is most sensitive, which tell most, stand still
+/// last.
+fn followed(setting: &mut Setting<'_>, state: &mut State, rivals: Vec<Candidate>) -> Option<Outcome> {
+    if setting.rig.drive.is_none() && setting.bound.inputs.is_empty() {
+        let (before, blocks) = (state.clone(), setting.blocks);
+        setting.blocks = WHOLE;
+        if let Ok(outcome) = evidence::refit(setting, state, rivals.clone()) {
+            return Some(outcome);
+        }
+        (*state, setting.blocks) = (before, blocks);
+    }
+    evidence::refit(setting, state, rivals).ok()
+}
+
 /// What a record would tell of a model that made it, and how far its effects stand from those
 /// others of the list that are rivals; none where it is not followed.
 ///
@@ -96,13 +113,8 @@ pub fn expected(
     let has = |name: &str| state.chosen.iter().any(|k| k.candidate.name(&setting) == name);
     let any = state.chosen.len() > state.dampings;
     let all = setting.candidates_of(&state.physical, &Lines::default(), &|name| any && !has(name) && is_rival(name));
-    // As an explanation goes on: the windows whose motion is most sensitive, which tell most, stand
-    // still last.
-    let Ok(Outcome { candidates: rivals, evidence: Evidence::Shooting(blocks), .. }) =
-        evidence::refit(&setting, &mut state, all)
-    else {
-        return Ok(None);
-    };
+    let Some(outcome) = followed(&mut setting, &mut state, all) else { return Ok(None) };
+    let Outcome { candidates: rivals, evidence: Evidence::Shooting(blocks), .. } = outcome else { return Ok(None) };
     let own = state.own_columns();
     let effects = effects(&setting, &state);
     let columns: Vec<usize> = (0..own).collect();

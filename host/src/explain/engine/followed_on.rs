@@ -15,6 +15,10 @@ use crate::explain::decidability::{EXCUSED, FEWEST_BLOCKS};
 /// hand: a swing whose two frictions were named there had left 10 before).
 const HOPELESS: f64 = 100.0;
 
+/// Windows that a motion that is followed on should give: the fewest that decide, then whole
+/// stretches, parts of which are held out.
+pub(super) const LONGER: [f64; 2] = [(FEWEST_BLOCKS + 1) as f64, shooting::WHOLE];
+
 /// Length of shorter windows beside those in which nothing was found, how many effects are sought
 /// there, and the share of what was left above the noise that may be left with them (by hand: a
 /// clearance of 0.02 rad in a shaft, which is not found, leaves 0.16 with a ripple in its place).
@@ -82,35 +86,32 @@ impl Run<'_> {
         Ok((!self.told.result.effects.is_empty()).then_some(again))
     }
 
-    /// The model found in windows as long as the fewest that decide leave room for, where nothing
-    /// drives the motion and it can be followed for so long. How fast a swing dies is known from a
-    /// window to the power -3/2 of its length, and laws of damping differ in nothing else; about a
-    /// model that lacks them longer windows lead astray.
+    /// The model found in windows so long that there are `blocks` of them, where nothing drives the
+    /// motion and it can be followed for so long. How fast a swing dies is known from a window to the
+    /// power -3/2 of its length, and laws of damping differ in nothing else; about a model that lacks
+    /// them longer windows lead astray.
     ///
     /// # Errors
     /// As [`Run::push`].
-    pub(super) fn followed_on(&mut self) -> Result<Option<Outcome>> {
+    pub(super) fn followed_on(&mut self, blocks: f64) -> Result<Option<Outcome>> {
         let is_asked = self.setting.window_s.is_some();
         let goes_on = self.setting.shooting && self.setting.rig.drive.is_none() && !is_asked;
         if !goes_on || !self.setting.bound.inputs.is_empty() {
             return Ok(None);
         }
         let samples = |state: &State| state.followed.as_ref().map_or(0, Followed::samples);
-        let before = self.told.state.clone();
-        self.setting.blocks = (FEWEST_BLOCKS + 1) as f64;
+        let (before, blocks_before) = (self.told.state.clone(), self.setting.blocks);
+        self.setting.blocks = blocks;
         let candidates = offered::candidates(&self.setting, &self.told.state);
         let longer = refit(&self.setting, &mut self.told.state, candidates);
-        let windows = self.told.state.followed.as_ref().map_or(0, |f| f.windows(&self.setting).0);
         if let Ok(longer) = longer
-            && windows >= FEWEST_BLOCKS
             && samples(&self.told.state) > samples(&before)
             && longer.power(&self.setting, &self.told.state)? < HOPELESS
         {
             self.tell_again(&longer)?;
             return Ok(Some(longer));
         }
-        self.told.state = before;
-        self.setting.blocks = shooting::BLOCKS;
+        (self.told.state, self.setting.blocks) = (before, blocks_before);
         Ok(None)
     }
 
@@ -134,7 +135,7 @@ impl Run<'_> {
             return Ok(outcome);
         }
         let candidates = offered::candidates(&self.setting, &self.told.state);
-        let mut search = Search::default();
+        let mut search = Search::in_longer();
         let again = refit(&self.setting, &mut self.told.state, candidates).and_then(|again| {
             self.tell_again(&again)?;
             let again = self.added(&mut search, most, None, Some(again))?;

@@ -234,7 +234,7 @@ impl<'a> Run<'a> {
     pub fn tell_again(&mut self, outcome: &Outcome) -> Result<()> {
         let Some(followed) = &self.told.state.followed else { return Ok(()) };
         let window_s = followed.windows(&self.setting).1;
-        self.told.horizons.1 = window_s;
+        self.told.horizons.1 = followed.block_s(&self.setting);
         self.told.result.details.window_s = window_s;
         if !self.told.result.effects.is_empty() {
             return self.tell_last(outcome);

@@ -7,6 +7,7 @@ use super::candidates::Candidate;
 use super::chosen::{choose, tell_of};
 use super::evidence::{Evidence, Outcome, refit};
 use super::exchange::{self, Exchange, MISSES};
+use super::followed_on::LONGER;
 use super::run::Run;
 use super::setting::Setting;
 use super::shooting::Followed;
@@ -46,19 +47,22 @@ impl Run<'_> {
         if undecidable {
             return Ok(outcome);
         }
-        let outcome = if settings.model.is_none() { self.in_shorter_windows(most, outcome)? } else { outcome };
-        let kept = self.told.clone();
-        let Some(longer) = self.followed_on()? else { return Ok(outcome) };
-        let mut again = self.added(&mut search, most, None, Some(longer))?;
-        again = self.cleared(&mut search, most, again)?;
-        if settings.model.is_none() {
-            again = self.searched_again(most, again)?;
+        let mut outcome = if settings.model.is_none() { self.in_shorter_windows(most, outcome)? } else { outcome };
+        for blocks in LONGER {
+            let (kept, before) = (self.told.clone(), self.setting.blocks);
+            let Some(longer) = self.followed_on(blocks)? else { break };
+            search.in_longer = true;
+            let mut again = self.added(&mut search, most, None, Some(longer))?;
+            again = self.cleared(&mut search, most, again)?;
+            if settings.model.is_none() {
+                again = self.searched_again(most, again)?;
+            }
+            if !self.is_followed(&again)? {
+                (self.told, self.setting.blocks) = (kept, before);
+                break;
+            }
+            outcome = again;
         }
-        if self.is_followed(&again)? {
-            return Ok(again);
-        }
-        self.told = kept;
-        self.setting.blocks = shooting::BLOCKS;
         Ok(outcome)
     }
 
@@ -310,9 +314,16 @@ pub(super) struct Search {
     traces: Vec<String>,
     /// Exchanges that were tried.
     exchanges: usize,
+    /// Whether windows are longer than those of the first search.
+    in_longer: bool,
 }
 
 impl Search {
+    /// A search in longer windows, from the beginning.
+    pub(super) fn in_longer() -> Self {
+        Self { in_longer: true, ..Self::default() }
+    }
+
     /// Lets effects in again that were refused once.
     fn try_again(&mut self) {
         let times = |name: &str| self.tried.iter().filter(|t| *t == name).count();
@@ -352,7 +363,8 @@ impl Search {
             return true;
         }
         let previous = result.gap.steps.last().map_or(f64::INFINITY, |s| s.value);
-        let is_off = previous > MISSES && gap >= previous;
+        // What shows over whole stretches alone moves a short prediction neither way.
+        let is_off = !self.in_longer && previous > MISSES && gap >= previous;
         if before.promised > 0.0 && (is_off || gap > FARTHER * previous) {
             return false;
         }

@@ -38,7 +38,7 @@ pub const TOLERANCE: f64 = 1e-2;
 /// twentieth of them.
 pub const PERIOD_SAMPLES: f64 = 200.0;
 /// Share of what a sensor shows to which solutions are exact.
-pub const EXACT: f64 = 1e-4;
+pub const EXACT: f64 = 1e-6;
 /// Growth of pieces from one length to the next (by hand): a frequency from one piece of a length L,
 /// known to 1/L^{3/2}, keeps the phase over many.
 pub const GROWTH: usize = 4;
@@ -101,6 +101,20 @@ pub fn longer<D: Dynamics + ?Sized>(
 fn error(outcome: &Outcome) -> f64 {
     let free: Vec<usize> = (0..outcome.fit.held.len()).filter(|i| !outcome.fit.held[*i]).collect();
     mean_error(&outcome.covariance.estimate, &free)
+}
+
+/// Standard errors by which the model leaves more over long pieces than over short ones, of `states`
+/// each: with the noise alone a state that is not fitted leaves one square of it, with a variance of
+/// two, and so does a value that the other did not have.
+pub fn excess(short: &Outcome, long: &Outcome, states: usize) -> f64 {
+    let of = |o: &Outcome| {
+        let square = o.noise_ratio.iter().map(|r| r * r).sum::<f64>() / o.noise_ratio.len().max(1) as f64;
+        (square, o.values as f64, o.values as f64 - (states * o.pieces.len()) as f64)
+    };
+    let ((noise, fewer, short), (left, values, long)) = (of(short), of(long));
+    let states_fewer = long - short * values / fewer;
+    let variance = 2.0 * (states_fewer.abs() + (values - fewer).abs());
+    (left - noise) * long / (noise * variance.max(1.0).sqrt())
 }
 
 /// The mean logarithm of the standard errors of some parameters: how much a fit tells.

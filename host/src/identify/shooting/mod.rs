@@ -37,6 +37,7 @@ use crate::model::dynamics::Dynamics;
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
+use crate::warning::Warning;
 use longer::longer;
 use problem::{Piece, Problem};
 use run::{Failure, Outcome};
@@ -45,6 +46,8 @@ use zeros::{Moment, Unknown, ZeroOffset};
 
 /// Ratio of residuals to the sensors' noise from which the model is said to miss something.
 pub const MISSES: f64 = 1.2;
+/// Standard errors from which long pieces leave more than short ones (by hand).
+const CLEARLY: f64 = 4.0;
 /// Fewest samples of a piece.
 pub(crate) const FEWEST_SAMPLES: usize = 16;
 /// Bounds of what has none.
@@ -192,6 +195,7 @@ pub fn simulated(
         levels_s: vec![length as f64 * track.spacing_s],
         slips: Vec::new(),
         zeros: Vec::new(),
+        adds_up: None,
         shifts: vec![vec![0.0; sensors.sigma.len()]; stretches.len()],
         outcome,
     };
@@ -240,6 +244,8 @@ struct ShootingRun {
     zeros: Vec<ZeroOffset>,
     /// Zeros by stretch and sensor.
     shifts: Vec<Vec<f64>>,
+    /// What long pieces show that short ones do not.
+    adds_up: Option<Warning>,
 }
 
 /// Period of the drive, or what stands for it in a free system, s: as much of a window.
@@ -351,6 +357,7 @@ fn shoot_pieces(
     };
     let slips = slips::find(&problem, &all, &states, &fit.parameters, &first, &prepared.sensors.count);
     let mut levels_s: Vec<f64> = levels.iter().map(|l| *l as f64 * track.spacing_s).collect();
+    let mut adds_up = None;
     // What a drive keeps moving may be chaotic.
     if rig.drive.is_none() && settings.segment_s.is_none() && !offsets {
         let bounds: Vec<[f64; 2]> = bounds.iter().copied().chain(unknown.none().map(|_| OPEN)).collect();
@@ -362,10 +369,16 @@ fn shoot_pieces(
         let error = |o: &Outcome| longer::mean_error(&o.covariance.estimate, &all);
         let tells_more = |o: &Outcome| holds(o) && error(o) < error(outcome);
         if let Some((more, length)) = longer(&problem, track, &from, &mut tick).filter(|m| tells_more(&m.0)) {
-            levels_s.push(length as f64 * track.spacing_s);
+            let longest_s = length as f64 * track.spacing_s;
+            if longer::excess(outcome, &more, problem.states()) > CLEARLY {
+                let shortest_s = levels_s.last().copied().unwrap_or(0.0);
+                adds_up = Some(result::adds_up((shortest_s, outcome), (longest_s, &more)));
+            }
+            levels_s.push(longest_s);
             found.outcome = more;
         }
     }
     let shifts = found.unknown.values(&found.outcome.fit.parameters);
-    Ok(Ok(ShootingRun { levels_s, slips, zeros: found.told(rig, bound, prepared), shifts, outcome: found.outcome }))
+    let zeros = found.told(rig, bound, prepared);
+    Ok(Ok(ShootingRun { levels_s, slips, zeros, shifts, adds_up, outcome: found.outcome }))
 }

@@ -18,6 +18,7 @@ use crate::error::Result;
 use crate::model::model_file::weak_form::WeakForm;
 use crate::system::ties::Identified;
 use crate::warning::Warning;
+use crate::wording::format::significant;
 
 /// What a run makes one doubt; `worst`: its greatest residuals, in the sensors' noise.
 fn doubts(outcome: &Outcome, worst: f64, inputs: &[Level]) -> Vec<Warning> {
@@ -58,13 +59,29 @@ fn doubts(outcome: &Outcome, worst: f64, inputs: &[Level]) -> Vec<Warning> {
     warnings
 }
 
+/// What is said where long pieces leave more than short ones: length, s, and fit of each.
+pub fn adds_up((short_s, short): (f64, &Outcome), (long_s, long): (f64, &Outcome)) -> Warning {
+    let of = |o: &Outcome| significant(o.noise_ratio.iter().copied().fold(0.0, f64::max), 3);
+    let [short_s, long_s] = [short_s, long_s].map(|s| significant(s, 3));
+    Warning::new(
+        "misses-over-long",
+        format!(
+            "over pieces of {long_s} s residuals are {} times the sensors' noise, over pieces of {short_s} s {} times, \
+             which is more than chance makes of it: something faint that the model misses adds up",
+            of(long),
+            of(short)
+        ),
+        "Parameters make up for it and may be off by more than their standard errors; `whirl explain` looks for it",
+    )
+}
+
 /// The run's result in the place of the weak form's.
 pub fn finish(
     first: Identification,
     written: WrittenRig<'_>,
     names: &[String],
     prepared: &Prepared,
-    ShootingRun { outcome, levels_s, slips, zeros, shifts }: ShootingRun,
+    ShootingRun { outcome, levels_s, slips, zeros, shifts, adds_up }: ShootingRun,
 ) -> Result<Identification> {
     let WrittenRig { rig, bound, .. } = written;
     let worst = outcome.noise_ratio.iter().copied().fold(0.0, f64::max);
@@ -80,6 +97,7 @@ pub fn finish(
         warnings.push(weak_form::periodic(repetition, "piece", rig, bound));
     }
     warnings.extend(doubts);
+    warnings.extend(adds_up);
     warnings.extend(zeros::warnings(&zeros));
     let unit = |n: &String| first.parameter(n).map_or_else(String::new, |p| p.unit.clone());
     let units: Vec<String> = names.iter().map(unit).collect();

@@ -5,9 +5,9 @@
 //! motion is chaotic columns grow so large that what is left would be the small difference of large
 //! numbers otherwise.
 //!
-//! A window is a block; every third is one fold, as in [`crate::explain::ranking`]. Each has a Gram
-//! matrix for every horizon that it is predicted over, with a weight of its own. Coefficients of
-//! laws that take energy away may not come out with the sign of laws that give it: one that would
+//! A window, or a part of one ([`super::cut`]), is a block; every third is one fold, as in
+//! [`crate::explain::ranking`]. Each has a Gram matrix for every horizon that it is predicted over,
+//! with a weight of its own. Coefficients of laws that take energy away may not come out with the sign of laws that give it: one that would
 //! is held at zero and the others are fitted again.
 
 mod even_noise;
@@ -46,8 +46,10 @@ pub struct Blocks {
     /// Columns of increments, which have settled: a fit to two thirds of the blocks, whose
     /// predictions are not made with them, leaves them at nothing.
     pub still: Vec<bool>,
-    /// Where each window lies.
+    /// Where each lies.
     pub places: Vec<Range>,
+    /// Whether each is a part of a window.
+    pub are_parts: bool,
 }
 
 /// The least-squares increments with the signs of coefficients kept (0: any), which are those of
@@ -94,7 +96,7 @@ impl Blocks {
     /// Blocks of equal weight.
     pub fn new(windows: Vec<Vec<Part>>, signs: Vec<f64>, origin: Vec<f64>) -> Self {
         let weights = windows.iter().map(|w| vec![1.0; w.len()]).collect();
-        Self { windows, weights, signs, origin, still: Vec::new(), places: Vec::new() }
+        Self { windows, weights, signs, origin, still: Vec::new(), places: Vec::new(), are_parts: false }
     }
 
     /// Adds the candidates' columns of others about the same windows; whether these are the same.
@@ -137,8 +139,16 @@ impl Blocks {
     /// Weights 1/e², e² the mean square residual where it is above the noise: what a model lacks
     /// where the motion is large does not tell on what is small, and what adds up over a long
     /// horizon not on a short one.
+    ///
+    /// Of windows that were cut into blocks the longest horizon tells all there is where nothing but
+    /// noise is left of it; shorter ones then add their noise alone, and count as far as it misses
+    /// more.
     pub fn weigh(&mut self, misfits: &[Vec<f64>]) {
-        self.weights = misfits.iter().map(|w| w.iter().map(|e| 1.0 / e.max(1.0)).collect()).collect();
+        let longest = misfits.iter().map(|w| w[0]).sum::<f64>() / misfits.len().max(1) as f64;
+        let missed = 1.0 - 1.0 / longest.max(1.0);
+        let share = |horizon: usize| if horizon > 0 && self.are_parts { missed } else { 1.0 };
+        let of = |w: &Vec<f64>| w.iter().enumerate().map(|(k, e)| share(k) / e.max(1.0)).collect();
+        self.weights = misfits.iter().map(of).collect();
     }
 
     fn parts(&self) -> impl Iterator<Item = (&Part, f64)> {
@@ -148,6 +158,11 @@ impl Blocks {
     /// The weighted sum of squares that the sensors' noise alone gives.
     pub fn noise(&self) -> f64 {
         self.parts().map(|(p, w)| p.freedom * w).sum()
+    }
+
+    /// The parts by which one model is held against another, whatever they leave.
+    fn counted<'a>(&self, block: &'a [Part]) -> &'a [Part] {
+        if self.are_parts { &block[..1] } else { block }
     }
 
     /// What is left of the parts when they are not fitted, whatever the weights: the geometric mean
@@ -161,7 +176,7 @@ impl Blocks {
             let total = kept.fold(DMatrix::zeros(p + 1, p + 1), |s, (_, g)| s + g);
             let step = solve_signed(&total, &signs, &origin)?.0;
             for window in self.windows.iter().skip(fold).step_by(FOLDS) {
-                for p in window {
+                for p in self.counted(window) {
                     let left = squares(&p.gram.chosen(columns), &step) / p.freedom.max(1.0);
                     sum += p.freedom * left.max(f64::MIN_POSITIVE).ln();
                     count += p.freedom;

@@ -7,11 +7,11 @@ use nalgebra::DVector;
 use rayon::prelude::*;
 
 use super::super::candidates::{Candidate, Column};
-use super::super::prediction;
 use super::super::setting::Setting;
 use super::super::state::{Moving, State};
 use super::blocks::{Blocks, Part};
 use super::by_inertia;
+use super::cut::{Cut, blocks_of};
 use super::forcing::{Additions, Forcing};
 use super::gram::Layout;
 use super::linear::{Linear, Measured, Normal};
@@ -68,7 +68,8 @@ pub struct Columns {
     pub alpha: Vec<f64>,
     /// Normal equations with the initial state.
     pub normal: Normal,
-    parts: Vec<Part>,
+    /// Of each block.
+    parts: Vec<Vec<Part>>,
 }
 
 /// What is fitted: the model's own columns and what was chosen, at coefficients `x` (increments are
@@ -241,7 +242,14 @@ impl<'a> Course<'a> {
     /// A window about which the model's flow is linear; none where columns have no value there.
     /// Accelerations by its columns are kept if it is to be moved: with every candidate's columns
     /// that would be much.
-    fn solve(&self, path: &Path, w: &Window, fitted: &Fitted<'_>, linear: &Linear, moves: bool) -> Option<Columns> {
+    fn solve(
+        &self,
+        path: &Path,
+        (w, blocks): (&Window, usize),
+        fitted: &Fitted<'_>,
+        linear: &Linear,
+        moves: bool,
+    ) -> Option<Columns> {
         let n = self.setting.circle.len();
         let Fitted { list, layout, records } = fitted;
         let forcing = records.get(self.record_of(w))?;
@@ -249,10 +257,12 @@ impl<'a> Course<'a> {
         let exogenous = self.window_inputs(path, w);
         let driven = forcing.on(&linear.points, &linear.accelerations, &exogenous);
         let measured = self.measured(path, w, states, list);
-        let short = if w.count / SHORT >= FEWEST_SAMPLES { w.count / SHORT } else { w.count };
+        let block = w.count / blocks;
+        let is_cut = block / SHORT >= FEWEST_SAMPLES;
+        let cut = Cut { blocks, segment: if is_cut { block / SHORT } else { w.count } };
         let mut registers = Registers::default();
         let mut alpha = Vec::new();
-        let (normal, segments) = if moves {
+        let (normal, all) = if moves {
             alpha = driven.all()?;
             let size = alpha.len() / (linear.points.len() / (2 * n));
             let from = |points: Range<usize>, to: &mut Vec<f64>| {
@@ -260,36 +270,24 @@ impl<'a> Course<'a> {
                 to.extend_from_slice(&alpha[points.start * size..points.end * size]);
                 Some(())
             };
-            linear.normal(states, from, layout, &measured, short)?
+            linear.normal(states, from, layout, &measured, cut)?
         } else {
             let from = |points, to: &mut Vec<f64>| driven.between(points, &mut registers, to);
-            linear.normal(states, from, layout, &measured, short)?
+            linear.normal(states, from, layout, &measured, cut)?
         };
-        let mut parts = vec![Part { gram: normal.reduced()?, freedom: self.freedom(&normal) }];
-        if short < w.count {
-            let mut sum: Option<Part> = None;
-            for segment in &segments {
-                let gram = segment.reduced()?;
-                let freedom = self.freedom(segment);
-                match &mut sum {
-                    Some(part) => {
-                        part.gram.add(&gram);
-                        part.freedom += freedom;
-                    }
-                    None => sum = Some(Part { gram, freedom }),
-                }
-            }
-            parts.extend(sum);
-        }
+        let solved = normal.solved()?;
+        let parts = all.iter().map(|b| self.parts(b, &normal, &solved, is_cut)).collect::<Option<_>>()?;
         Some(Columns { alpha, normal, parts })
     }
 
     /// All windows linearised in which states of effects are known.
     pub fn solved(&self, paths: &[Path], all: &[Window], list: &List<'_>) -> Option<Vec<Option<Solved>>> {
-        let (fitted, linear) = (self.fitted(list)?, self.linear(paths, all, &list.x)?);
+        let (fitted, linear, blocks) =
+            (self.fitted(list)?, self.linear(paths, all, &list.x)?, blocks_of(self.setting, all));
         let of = |((w, linear), known): ((&Window, Option<Linear>), bool)| {
             let linear = linear.filter(|_| known)?;
-            Some(Solved { columns: self.solve(&paths[w.stretch], w, &fitted, &linear, true)?, linear })
+            let columns = self.solve(&paths[w.stretch], (w, blocks), &fitted, &linear, true)?;
+            Some(Solved { columns, linear })
         };
         Some(all.par_iter().zip(linear).zip(self.known(paths, all)).map(of).collect())
     }
@@ -311,20 +309,17 @@ impl<'a> Course<'a> {
         list: &List<'_>,
         signs: Vec<f64>,
     ) -> Option<Blocks> {
-        let fitted = self.fitted(list)?;
+        let (fitted, blocks) = (self.fitted(list)?, blocks_of(self.setting, all));
         let of = |(w, linear): (&Window, &Option<Linear>)| {
-            Some(self.solve(&paths[w.stretch], w, &fitted, linear.as_ref()?, false)?.parts)
+            Some(self.solve(&paths[w.stretch], (w, blocks), &fitted, linear.as_ref()?, false)?.parts)
         };
-        let found: Vec<Option<Vec<Part>>> = all.par_iter().zip(linear).map(of).collect();
-        let whole = |w: &Window| {
-            let first = paths[w.stretch].first + w.first;
-            prediction::Range { stretch: w.stretch, begin: first, end: first + w.count }
-        };
-        let kept = found.into_iter().zip(all).filter_map(|(parts, w)| Some((parts?, whole(w))));
-        let (windows, places) = kept.unzip();
-        let mut blocks = Blocks::new(windows, signs, list.x.clone());
-        blocks.places = places;
-        Some(blocks)
+        let found: Vec<Option<Vec<Vec<Part>>>> = all.par_iter().zip(linear).map(of).collect();
+        let kept = found.into_iter().zip(self.places(paths, all)).filter_map(|(parts, places)| Some((parts?, places)));
+        let (parts, places): (Vec<_>, Vec<_>) = kept.unzip();
+        let mut out = Blocks::new(parts.concat(), signs, list.x.clone());
+        out.places = places.concat();
+        out.are_parts = blocks > 1;
+        Some(out)
     }
 
     /// Accelerations by every column along the windows about which the model is `linear`: at each
@@ -345,15 +340,20 @@ impl<'a> Course<'a> {
     }
 
     /// Rows of a window less the states that were eliminated.
-    fn freedom(&self, normal: &Normal) -> f64 {
+    pub(super) fn freedom(&self, normal: &Normal) -> f64 {
         normal.rows as f64 - 2.0 * self.setting.circle.len() as f64
     }
 
-    /// Blocks of the windows that have a solution at coefficients `x`, and their numbers.
+    /// Blocks of the windows that have a solution at coefficients `x`, and the window of each.
     pub fn blocks(&self, solved: &[Option<Solved>], signs: Vec<f64>, x: &[f64]) -> (Blocks, Vec<usize>) {
-        let kept: Vec<usize> = (0..solved.len()).filter(|&k| solved[k].is_some()).collect();
-        let windows = solved.iter().flatten().map(|s| s.columns.parts.clone()).collect();
-        (Blocks::new(windows, signs, x.to_vec()), kept)
+        let own = |(k, s): (usize, &Option<Solved>)| {
+            let parts = s.as_ref().map(|s| s.columns.parts.clone()).unwrap_or_default();
+            parts.into_iter().map(move |p| (p, k)).collect::<Vec<_>>()
+        };
+        let (parts, of) = solved.iter().enumerate().flat_map(own).unzip();
+        let mut out = Blocks::new(parts, signs, x.to_vec());
+        out.are_parts = solved.iter().flatten().any(|s| s.columns.parts.len() > 1);
+        (out, of)
     }
 
     /// Whether a moved path is one that the linearisation can mean.

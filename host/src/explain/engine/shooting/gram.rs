@@ -138,6 +138,36 @@ impl Sums {
         }
     }
 
+    /// Adds sums of other rows.
+    pub fn add(&mut self, other: &Self) {
+        self.head += &other.head;
+        self.groups.iter_mut().zip(&other.groups).for_each(|(a, b)| *a += b);
+    }
+
+    /// What the first are for each column and the target, of which the last `pinned` are nothing;
+    /// none where the rows do not determine them.
+    pub fn solved(&self, pinned: usize) -> Option<DMatrix<f64>> {
+        let (square, coupling) = self.of_first(pinned);
+        Some(square.cholesky()?.solve(&coupling))
+    }
+
+    /// What is left of these rows with the first as `solved` of more rows than these: such parts add
+    /// up to what is left of all.
+    pub fn left_by(&self, solved: &DMatrix<f64>) -> Option<Gram> {
+        let (m, own, columns) = (self.first, self.layout.own, self.layout.columns);
+        let map = DMatrix::from_fn(m, m + columns + 1, |i, j| if j < m { 0.0 } else { -solved[(i, j - m)] });
+        let (mut whole, mut out) = (Self::zeros(&self.layout, m), Self::zeros(&self.layout, 0));
+        self.carried(&map, &mut whole);
+        out.head.copy_from(&whole.head.view((m, m), (own + 1, columns + 1)));
+        out.groups = whole.groups;
+        out.finite()
+    }
+
+    fn finite(self) -> Option<Gram> {
+        let finite = self.head.iter().chain(self.groups.iter().flatten()).all(|x| x.is_finite());
+        finite.then_some(Gram(self))
+    }
+
     /// Products of the first with one another, with the columns, and with the target, the last
     /// `pinned` of the first being nothing.
     pub fn of_first(&self, pinned: usize) -> (DMatrix<f64>, DMatrix<f64>) {
@@ -157,8 +187,7 @@ impl Sums {
     /// rows do not determine them.
     pub fn reduced(&self, pinned: usize) -> Option<Gram> {
         let (m, own, columns) = (self.first, self.layout.own, self.layout.columns);
-        let (square, coupling) = self.of_first(pinned);
-        let solved = square.cholesky()?.solve(&coupling);
+        let (coupling, solved) = (self.of_first(pinned).1, self.solved(pinned)?);
         let mut out = Self::zeros(&self.layout, 0);
         let column = |i: usize| if i < own { i } else { columns };
         for i in 0..=own {
@@ -174,8 +203,7 @@ impl Sums {
                 }
             }
         }
-        let finite = out.head.iter().chain(out.groups.iter().flatten()).all(|x| x.is_finite());
-        finite.then_some(Gram(out))
+        out.finite()
     }
 }
 
@@ -259,106 +287,10 @@ impl Gram {
 
     /// Adds another of the same layout.
     pub fn add(&mut self, other: &Self) {
-        self.0.head += &other.0.head;
-        self.0.groups.iter_mut().zip(&other.0.groups).for_each(|(a, b)| *a += b);
+        self.0.add(&other.0);
     }
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// Rows of the first, all columns, and the target: the head's, then strips of two columns.
-    fn add(to: &mut Sums, rows: &DMatrix<f64>) {
-        let (own, last) = (to.first + to.layout.own, rows.nrows() - 1);
-        let head = DMatrix::from_fn(own + 1, rows.ncols(), |i, j| rows[(if i < own { i } else { last }, j)]);
-        to.push_head(&head);
-        for strip in to.layout.clone().strips(2) {
-            let some = rows.rows(to.first + strip.start, strip.len()).into_owned();
-            to.push(&head.as_view(), strip.start, &some.as_view());
-        }
-    }
-
-    /// Rows whose first columns are other ones' combinations, with all columns and the target: the
-    /// sums are those of the rows themselves.
-    #[test]
-    fn first_columns_are_carried_to_others() {
-        let mut seed = 5_u32;
-        let mut random = move || {
-            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            f64::from(seed >> 8) / f64::from(1 << 24) - 0.5
-        };
-        let rows = DMatrix::from_fn(8, 30, |_, _| random());
-        let map = DMatrix::from_fn(2, 8, |_, _| random());
-        let layout = Layout::new(2, &[1, 2]);
-        let (mut sums, mut direct, mut carried) =
-            (Sums::zeros(&layout, 2), Sums::zeros(&layout, 2), Sums::zeros(&layout, 2));
-        add(&mut sums, &rows);
-        let mut other = rows.clone();
-        for (mut to, from) in other.column_iter_mut().zip(rows.column_iter()) {
-            let first = from.rows(0, 2).into_owned();
-            (0..8).for_each(|i| to[i] = map.column(i).dot(&first) + if i < 2 { 0.0 } else { from[i] });
-        }
-        add(&mut direct, &other);
-        sums.carried(&map, &mut carried);
-        // Products of the others with the first stand in the first rows alone.
-        for (i, j) in (0..5).flat_map(|i| (0..6).map(move |j| (i, j))).filter(|(i, j)| *i < 2 || *j >= 2) {
-            assert!((carried.head[(i, j)] - direct.head[(i, j)]).abs() < 1e-12, "{i} {j}");
-        }
-        for (a, b) in carried.groups.iter().zip(&direct.groups) {
-            assert!((a - b).amax() < 1e-12);
-        }
-    }
-
-    /// Two first columns, two own, candidates of one and two: the parts are those of the full
-    /// matrix with the first eliminated.
-    #[test]
-    fn parts_are_those_of_the_full_matrix() {
-        let mut seed = 3_u32;
-        let mut random = move || {
-            seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            f64::from(seed >> 8) / f64::from(1 << 24) - 0.5
-        };
-        let rows = DMatrix::from_fn(8, 40, |_, _| random());
-        let layout = Layout::new(2, &[1, 2]);
-        let mut sums = Sums::zeros(&layout, 2);
-        add(&mut sums, &rows.columns(0, 25).into_owned());
-        add(&mut sums, &rows.columns(25, 15).into_owned());
-        let mut gram = sums.reduced(0).unwrap();
-        let full = &rows * rows.transpose();
-        let (a, b) = (full.view((0, 0), (2, 2)).into_owned(), full.view((0, 2), (2, 6)).into_owned());
-        let wanted = full.view((2, 2), (6, 6)) - b.transpose() * a.try_inverse().unwrap() * &b;
-        let first = gram.chosen(&[0, 1, 2]);
-        let second = gram.chosen(&[0, 1, 3, 4]);
-        for (i, x) in [0, 1, 2, 5].into_iter().enumerate() {
-            for (j, y) in [0, 1, 2, 5].into_iter().enumerate() {
-                assert!((first[(i, j)] - wanted[(x, y)]).abs() < 1e-12);
-            }
-        }
-        for (i, x) in [0, 1, 3, 4, 5].into_iter().enumerate() {
-            for (j, y) in [0, 1, 3, 4, 5].into_iter().enumerate() {
-                assert!((second[(i, j)] - wanted[(x, y)]).abs() < 1e-12);
-            }
-        }
-        assert!(gram.chosen(&[2, 3])[(0, 1)].is_nan());
-        // The target and twice the second own column.
-        let mut moved = gram.clone();
-        moved.retarget(1, 2.0);
-        let change = |i: usize| wanted[(i, 5)] + 2.0 * wanted[(i, 1)];
-        let found = moved.chosen(&[0, 1, 4]);
-        for (i, x) in [0, 1, 4].into_iter().enumerate() {
-            assert!((found[(i, 3)] - change(x)).abs() < 1e-12);
-        }
-        assert!((found[(3, 3)] - change(5) - 2.0 * change(1)).abs() < 1e-12);
-        let both = gram.joined(&gram, &layout.joined(&layout));
-        for (columns, same) in
-            [([0, 1, 6, 7], [0, 1, 3, 4]), ([0, 1, 3, 4], [0, 1, 3, 4]), ([0, 1, 5, 5], [0, 1, 2, 2])]
-        {
-            assert_eq!(both.chosen(&columns), gram.chosen(&same));
-        }
-        assert!(both.chosen(&[4, 6])[(0, 1)].is_nan());
-        let other = gram.clone();
-        gram.add(&other);
-        assert!((gram.square(3) - 2.0 * wanted[(3, 3)]).abs() < 1e-12);
-    }
-}
+#[path = "gram_tests.rs"]
+mod tests;

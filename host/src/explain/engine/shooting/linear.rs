@@ -17,6 +17,7 @@ use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
+use super::cut::{Block, Cut};
 use super::gram::{Gram, Layout, Sums};
 use super::strips::{Along, STRIP, Strip};
 use super::window_inputs::WindowInputs;
@@ -51,6 +52,14 @@ pub struct Measured<'a> {
     pub sigma: &'a [f64],
     /// Additions of columns to what a sensor shows: column, sensor, values.
     pub laws: Vec<(usize, usize, Vec<f64>)>,
+}
+
+/// A state behind another: of s'' = [P | Q | −r] (s', c, 1) what s' = [P' | Q' | −r'] (s, c, 1) makes.
+fn behind(map: &DMatrix<f64>, before: &DMatrix<f64>) -> DMatrix<f64> {
+    let (d, width) = map.shape();
+    let mut out = map.columns(0, d) * before;
+    out.columns_mut(d, width - d).add_assign(&map.columns(d, width - d));
+    out
 }
 
 /// Normal equations of a window.
@@ -159,42 +168,50 @@ impl Linear {
     }
 
     /// The normal equations of a window over columns whose accelerations from one point to another
-    /// `alpha` gives (see [`super::forcing::Driven::between`]), and those of its segments of
-    /// `segment` samples, each with an initial state of its own. None where `alpha` has none.
+    /// `alpha` gives (see [`super::forcing::Driven::between`]), and those of its blocks. None where
+    /// `alpha` has none.
     pub fn normal(
         &self,
         states: &[f64],
         mut alpha: impl FnMut(Range<usize>, &mut Vec<f64>) -> Option<()>,
         layout: &Arc<Layout>,
         measured: &Measured<'_>,
-        segment: usize,
-    ) -> Option<(Normal, Vec<Normal>)> {
+        cut: Cut,
+    ) -> Option<(Normal, Vec<Block>)> {
         let m = 2 * measured.shown.first().map_or(0, Vec::len);
         let (count, d) = (states.len() / m, self.size);
         let width = d + layout.columns + 1;
-        let mut whole = Normal { sums: Sums::zeros(layout, d), rows: 0, pinned: d - m };
-        let mut parts = Vec::new();
+        let none = || Normal { sums: Sums::zeros(layout, d), rows: 0, pinned: d - m };
+        let (mut whole, mut blocks) = (none(), Vec::with_capacity(cut.blocks));
         let mut accelerations = Vec::new();
-        // The segment's first state by the window's, the columns, and what defects add up to.
+        // A state by that with which the window, or the block, begins, the columns, and what defects
+        // add up to.
         let mut map = DMatrix::identity(d, width);
-        for first in (0..count).step_by(segment) {
-            let end = (first + segment).min(count);
-            alpha(first * self.each..end.min(count - 1) * self.each + 1, &mut accelerations)?;
-            let (part, z) = self.segment(states, &accelerations, layout, measured, first..end);
-            part.sums.carried(&map, &mut whole.sums);
-            whole.rows += part.rows;
-            if end - first == segment {
-                parts.push(part);
+        for own in cut.ranges(count) {
+            let (mut alone, mut segments, mut local) = (none(), Vec::new(), DMatrix::identity(d, width));
+            for first in own.clone().step_by(cut.segment) {
+                let end = (first + cut.segment).min(own.end);
+                alpha(first * self.each..end.min(count - 1) * self.each + 1, &mut accelerations)?;
+                let (part, z) = self.segment(states, &accelerations, layout, measured, first..end);
+                part.sums.carried(&local, &mut alone.sums);
+                alone.rows += part.rows;
+                if end - first == cut.segment {
+                    segments.push(part);
+                }
+                if end < count {
+                    let mut z = DMatrix::from_row_slice(d, width, &z);
+                    z.column_mut(width - 1).neg_mut();
+                    local = behind(&z, &local);
+                }
             }
-            if end < count {
-                let z = DMatrix::from_row_slice(d, width, &z);
-                let mut next = z.columns(0, d) * &map;
-                next.columns_mut(d, layout.columns).add_assign(&z.columns(d, layout.columns));
-                next.column_mut(width - 1).axpy(-1.0, &z.column(width - 1), 1.0);
-                map = next;
-            }
+            let mut of_window = Sums::zeros(layout, d);
+            alone.sums.carried(&map, &mut of_window);
+            map = behind(&local, &map);
+            whole.sums.add(&of_window);
+            whole.rows += alone.rows;
+            blocks.push(Block { of_window, alone, segments });
         }
-        Some((whole, parts))
+        Some((whole, blocks))
     }
 
     /// Sums over a range of samples, between which the columns' accelerations are `alpha`, and what
@@ -303,6 +320,12 @@ impl Normal {
     /// it.
     pub fn reduced(&self) -> Option<Gram> {
         self.sums.reduced(self.pinned)
+    }
+
+    /// The initial state for every column and the target; none where the record does not determine
+    /// it.
+    pub fn solved(&self) -> Option<DMatrix<f64>> {
+        self.sums.solved(self.pinned)
     }
 
     /// The initial step that goes with a step of the first columns.

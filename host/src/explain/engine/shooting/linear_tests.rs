@@ -74,8 +74,20 @@ fn one_step_finds_what_the_record_was_made_with() {
             let mut registers = Registers::default();
             let between = |points, to: &mut Vec<f64>| driven.between(points, &mut registers, to);
             let layout = Layout::new(4, &[]);
-            let (normal, parts) = linear.normal(&states, between, &layout, &measured, segment).unwrap();
-            assert_eq!(parts.len(), COUNT / segment);
+            let cut = Cut { blocks: 1, segment };
+            let (normal, blocks) = linear.normal(&states, between, &layout, &measured, cut).unwrap();
+            assert_eq!(blocks[0].segments.len(), COUNT / segment);
+            // Blocks of a window add up to it, wherever it is cut.
+            let between = |points, to: &mut Vec<f64>| driven.between(points, &mut registers, to);
+            let (same, parts) =
+                linear.normal(&states, between, &layout, &measured, Cut { blocks: 7, segment: 20 }).unwrap();
+            assert_eq!((same.rows, parts.len()), (normal.rows, 7));
+            let solved = same.solved().unwrap();
+            let mut sum = parts[0].of_window.left_by(&solved).unwrap();
+            parts[1..].iter().for_each(|b| sum.add(&b.of_window.left_by(&solved).unwrap()));
+            let all = |g: &crate::explain::engine::shooting::gram::Gram| g.chosen(&[0, 1, 2, 3]);
+            let (whole, parted) = (all(&normal.reduced().unwrap()), all(&sum));
+            assert!((&whole - parted).amax() < 1e-7 * whole.amax());
             let step = solve(&normal.reduced().unwrap().chosen(&[0, 1, 2, 3])).unwrap();
             found = step.iter().zip(&p).map(|(s, p)| s + p).collect();
             let start = normal.start(&step).unwrap();
@@ -114,7 +126,7 @@ fn the_adjoint_gives_the_products_with_what_is_left() {
         let mut registers = Registers::default();
         let mut fit = |states: &[f64]| {
             let between = |points, to: &mut Vec<f64>| driven.between(points, &mut registers, to);
-            linear.normal(states, between, &layout, &measured, COUNT).unwrap().0
+            linear.normal(states, between, &layout, &measured, Cut { blocks: 1, segment: COUNT }).unwrap().0
         };
         let start = fit(&own).start(&DVector::zeros(0)).unwrap();
         let (settled, _) = linear.moved(&own, &alpha, &start, &DVector::zeros(4), &measured);

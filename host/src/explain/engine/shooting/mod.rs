@@ -31,7 +31,8 @@
 //! | [`strips`](mod@strips) | columns carried along a window together |
 //! | [`gram`] | sums of products of the columns that are fitted together |
 //! | [`adjoint`] | how what is left of a window pulls on the force at every instant |
-//! | [`blocks`] | least squares over windows |
+//! | [`cut`] | blocks of windows |
+//! | [`blocks`] | least squares over blocks |
 //! | [`coloured`](mod@coloured) | the sensors' noise where the record was smoothed |
 //! | [`quieter`](mod@quieter) | the sensors' noise where it was taken for too much |
 //! | [`remade`](mod@remade) | what is left of records that the model itself makes |
@@ -44,6 +45,7 @@ pub mod blocks;
 mod by_inertia;
 mod coloured;
 mod course;
+mod cut;
 mod forcing;
 mod gram;
 mod linear;
@@ -74,6 +76,8 @@ use super::state::State;
 
 /// Windows that a record should give (by hand).
 pub const BLOCKS: f64 = 20.0;
+/// The same where windows are whole stretches.
+pub const WHOLE: f64 = 1.0;
 /// Longest window under measured inputs, and of a free motion that is followed on, in windows of the
 /// weak form.
 const TRANSIENTS: f64 = 20.0;
@@ -142,6 +146,12 @@ impl Followed {
         Some(Settled { paths: &self.paths, kept: self.kept(setting)?, width: 2 * setting.circle.len() })
     }
 
+    /// Length of a block, s: of a window, or of what is held out of one.
+    pub fn block_s(&self, setting: &Setting<'_>) -> f64 {
+        let blocks = self.kept(setting).map_or(1, |all| cut::blocks_of(setting, &all));
+        self.windows(setting).1 / blocks as f64
+    }
+
     /// How many windows, and the length of one, s.
     pub fn windows(&self, setting: &Setting<'_>) -> (usize, f64) {
         let step_s = setting.raw.first().map_or(0.0, |s| s.step_s);
@@ -190,7 +200,11 @@ fn longest(setting: &Setting<'_>, lengths: &[usize]) -> usize {
     let whole: usize = lengths.iter().sum();
     let own = setting.geometry.windows.length_s / step_s;
     let follows_on = !setting.bound.inputs.is_empty() || setting.blocks < BLOCKS;
-    let most = if follows_on { TRANSIENTS * own } else { own };
+    let most = match setting.blocks {
+        WHOLE => f64::INFINITY,
+        _ if follows_on => TRANSIENTS * own,
+        _ => own,
+    };
     let asked = setting.window_s.map(|s| (s / step_s).round());
     let wished = asked.unwrap_or((whole as f64 / setting.blocks).min(most)) as usize;
     wished.max(2 * FEWEST_SAMPLES).min(lengths.iter().copied().max().unwrap_or(0))

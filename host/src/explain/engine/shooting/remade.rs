@@ -10,9 +10,10 @@ use nalgebra::DVector;
 use super::super::setting::Setting;
 use super::super::state::State;
 use super::course::{Course, List};
-use super::path::{Path, Window};
+use super::path::Path;
 use super::{Followed, present, signs_of};
 use crate::explain::decidability::EXCUSED;
+use crate::explain::engine::prediction::Range;
 use crate::identify::input_noise::{Level, disturb};
 use crate::identify::remeasured::measure_motion;
 use crate::identify::stretches::Stretch;
@@ -52,7 +53,7 @@ fn made(setting: &Setting<'_>, state: &State, followed: &Followed, repeat: usize
     state.stretches.iter().zip(&followed.paths).enumerate().map(of).collect()
 }
 
-/// Power over that of the noise in every window of a record that the model made; infinite where the
+/// Power over that of the noise in every block of a record that the model made; infinite where the
 /// path is not followed under inputs that were measured again.
 fn powers(
     setting: &Setting<'_>,
@@ -79,12 +80,8 @@ fn powers(
     blocks.weigh(&blocks.misfits(&fitted));
     let fitted: DVector<f64> = blocks.fit(&own)?.all;
     let found: Vec<_> = blocks.places.iter().zip(blocks.misfits(&fitted)).collect();
-    let power = |w: &Window| {
-        let begin = followed.paths[w.stretch].first + w.first;
-        let own = found.iter().find(|(place, _)| (place.stretch, place.begin) == (w.stretch, begin));
-        own.map_or(f64::INFINITY, |(_, misfits)| misfits[0])
-    };
-    Some(all.iter().map(power).collect())
+    let power = |of: &Range| found.iter().find(|(place, _)| *place == of).map_or(f64::INFINITY, |(_, m)| m[0]);
+    Some(course.places(&followed.paths, &all).iter().flatten().map(power).collect())
 }
 
 /// What records that the model itself makes leave.
@@ -94,8 +91,8 @@ pub struct Remade {
     /// Standard error of what one record's power differs by from it: by chance, and because the
     /// noise itself is estimated.
     pub error: f64,
-    /// Whether each window is followed in them. Where it is not (a path that comes to rest and
-    /// leaves it at another instant), nothing about the model can be told from that window.
+    /// Whether each block is followed in them. Where it is not (a path that comes to rest and
+    /// leaves it at another instant), nothing about the model can be told from it.
     pub follows: Vec<bool>,
     /// Whether most of a power that is far above the noise's is that of the inputs' noise.
     pub of_inputs: bool,

@@ -35,7 +35,8 @@ pub fn stage(
         // here.
         let list = List { x: x.clone(), further: &[], behind: &[], together: false };
         let solved = course.solved(&followed.paths, &all, &list)?;
-        let (mut blocks, kept) = course.blocks(&solved, signs.to_vec(), x);
+        let (mut blocks, window_of) = course.blocks(&solved, signs.to_vec(), x);
+        let kept: Vec<usize> = (0..solved.len()).filter(|&k| solved[k].is_some()).collect();
         // An increment of nothing shows in no window: its error is not what it is.
         blocks.still.clone_from(&applied);
         if (kept.len() as f64) < (1.0 - MOST_LOST) * all.len() as f64 {
@@ -74,8 +75,11 @@ pub fn stage(
         // By convergence, never by misfit.
         let of = |(m, s): (&f64, &Option<_>)| if chaotic { *m < limit } else { s.is_some() };
         let still: Vec<bool> = movement.iter().zip(&solved).map(of).collect();
-        let mut of_window = vec![f64::NAN; all.len()];
-        kept.iter().zip(&misfits).for_each(|(&k, m)| of_window[k] = m[0]);
+        let of_window = |k: usize| {
+            let own = || window_of.iter().zip(&misfits).filter(move |b| *b.0 == k).map(|b| b.1[0]);
+            own().sum::<f64>() / own().count() as f64
+        };
+        let of_window = (0..all.len()).map(of_window).collect();
         out = Some((fit, still, of_window));
         // In chaos some windows never stand still.
         let slowest = if chaotic { nearly_all(&mut movement) } else { greatest };

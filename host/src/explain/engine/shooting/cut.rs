@@ -1,0 +1,97 @@
+//! Blocks of windows. A block is what is held out, and what scatter is measured between: a window
+//! where there are many. A motion that nothing drives is followed in few, or one; their parts are
+//! blocks then, with the window's initial state, fitted to all of it: with K what that is for each
+//! column and the target, rows of a block lose S K, S the state's. What blocks leave adds up to what
+//! the window leaves.
+
+use std::ops::Range;
+
+use nalgebra::DMatrix;
+
+use super::BLOCKS;
+use super::blocks::Part;
+use super::course::Course;
+use super::gram::Sums;
+use super::linear::Normal;
+use super::path::{FEWEST_SAMPLES, Path, Window};
+use crate::explain::engine::prediction;
+use crate::explain::engine::setting::Setting;
+
+/// Blocks that a record should give where windows are fewer (by hand): probabilities by their scatter
+/// have that many degrees of freedom.
+const PARTS: usize = 40;
+
+/// How a window is cut.
+#[derive(Clone, Copy)]
+pub struct Cut {
+    /// Blocks, which are held out one by one.
+    pub blocks: usize,
+    /// Samples of a segment of a block, which has an initial state of its own.
+    pub segment: usize,
+}
+
+impl Cut {
+    /// The blocks of a window of `count` samples.
+    pub fn ranges(self, count: usize) -> impl Iterator<Item = Range<usize>> {
+        (0..self.blocks).map(move |b| b * count / self.blocks..(b + 1) * count / self.blocks)
+    }
+}
+
+/// A block of a window.
+pub struct Block {
+    /// Its part of the window's sums.
+    pub of_window: Sums,
+    /// The same with an initial state of its own.
+    pub alone: Normal,
+    /// Its segments.
+    pub segments: Vec<Normal>,
+}
+
+/// Blocks of a window, which are held out one by one: where windows are few, since a motion that
+/// nothing drives is followed for long, they are parts of one. In chaos all that a window tells is
+/// in its end.
+pub fn blocks_of(setting: &Setting<'_>, all: &[Window]) -> usize {
+    let fewest = all.iter().map(|w| w.count).min().unwrap_or(0);
+    let is_one = setting.rig.drive.is_some() || all.len() as f64 >= BLOCKS;
+    if is_one { 1 } else { PARTS.div_ceil(all.len().max(1)).min(fewest / (2 * FEWEST_SAMPLES)).max(1) }
+}
+
+impl Course<'_> {
+    /// A block over every horizon: in its window, by itself where it is not all of it, in segments.
+    pub fn parts(&self, block: &Block, window: &Normal, solved: &DMatrix<f64>, is_cut: bool) -> Option<Vec<Part>> {
+        let alone = || Some(Part { gram: block.alone.reduced()?, freedom: self.freedom(&block.alone) });
+        let mut out = Vec::with_capacity(3);
+        if block.alone.rows < window.rows {
+            let share = block.alone.rows as f64 / window.rows as f64;
+            out.push(Part { gram: block.of_window.left_by(solved)?, freedom: share * self.freedom(window) });
+        }
+        out.push(alone()?);
+        if is_cut {
+            let mut sum: Option<Part> = None;
+            for segment in &block.segments {
+                let (gram, freedom) = (segment.reduced()?, self.freedom(segment));
+                match &mut sum {
+                    Some(part) => {
+                        part.gram.add(&gram);
+                        part.freedom += freedom;
+                    }
+                    None => sum = Some(Part { gram, freedom }),
+                }
+            }
+            out.extend(sum);
+        }
+        Some(out)
+    }
+
+    /// Where each block of some windows lies, window by window.
+    pub fn places(&self, paths: &[Path], all: &[Window]) -> Vec<Vec<prediction::Range>> {
+        let cut = Cut { blocks: blocks_of(self.setting, all), segment: 1 };
+        let of = |w: &Window| {
+            let first = paths[w.stretch].first + w.first;
+            let place =
+                |r: Range<usize>| prediction::Range { stretch: w.stretch, begin: first + r.start, end: first + r.end };
+            cut.ranges(w.count).map(place).collect()
+        };
+        all.iter().map(of).collect()
+    }
+}
