@@ -113,7 +113,8 @@ fn sentence(e: &Explanation) -> String {
         Verdict::NothingMissing => format!("Nothing is missing: {change}, which is noise alone."),
         Verdict::Unexplained => {
             let far = if found.is_empty() { String::new() } else { format!(" Found so far: {found}; {change}.") };
-            let number = e.decided_by.as_ref().filter(|d| d.value > d.limit);
+            let is_of_shapes = |d: &DecidedBy| matches!(d.what, Criterion::Shape | Criterion::Pieces);
+            let number = e.decided_by.as_ref().filter(|d| d.value > d.limit && !is_of_shapes(d));
             let why = number.map_or_else(|| without_number(&e.reason), above);
             // A shape that is the reason is not said twice.
             let said = number.is_none() && matches!(e.reason, Reason::Shape { .. });
@@ -147,6 +148,7 @@ fn above(d: &DecidedBy) -> String {
         Criterion::Power | Criterion::PowerOfWhole => {
             format!("what is left has {value} times the power of the sensors' noise (up to {limit} would be noise)")
         }
+        Criterion::Shape | Criterion::Pieces => format!("{}: {value} (limit {limit})", d.what),
     }
 }
 

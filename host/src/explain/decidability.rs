@@ -1,6 +1,6 @@
 //! Whether a record can decide at all, and the verdict.
 
-use super::engine::unknown::Unknown;
+use super::engine::unknown::{self, Unknown};
 use super::explanation::{AtHorizon, DecidedBy, Explanation, Verdict};
 use super::reason::{Criterion, OwnRecords, Patch, Reason, Residual, Undecidable};
 use crate::inspect::InspectSettings;
@@ -115,20 +115,32 @@ fn most_power(mean: f64, error: f64) -> f64 {
     (mean + CLEAR * error).max(ALIKE * mean)
 }
 
+/// The gap over a horizon of records that the model itself makes.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct OwnGap {
+    /// The horizon, s.
+    pub horizon_s: f64,
+    /// Its mean.
+    pub mean: f64,
+    /// What one more such record has at most, with a probability of 99.9 %; 0 where they do not
+    /// scatter by more than the sensors' noise.
+    pub most: f64,
+}
+
 /// What is left of the last model, beside its power and the gap.
 #[derive(Default)]
 pub(super) struct Left {
     /// Several effects that stand for one shape.
     pub patched: Option<Patch>,
-    /// A shape without a name that predicts clearly better.
-    pub shape: Option<Unknown>,
+    /// A shape without a name that predicts clearly better, and its gain in standard errors.
+    pub shape: Option<(Unknown, f64)>,
     /// Power in records that the model itself makes, and the standard error of the difference; none
     /// for the weak form.
     pub remade: Option<(f64, f64)>,
     /// Windows that are not followed even there, whose power does not count.
     pub left_out: usize,
-    /// Gaps in such records: horizon in s and mean, where they were measured.
-    pub gaps: Vec<(f64, f64)>,
+    /// Gaps in such records, where they were measured.
+    pub gaps: Vec<OwnGap>,
     /// Measured inputs that are noisy, which such records have as well.
     pub noisy: Vec<String>,
     /// What one simulation of the whole record leaves, in units of the noise's power, and its
@@ -150,10 +162,11 @@ impl Left {
     }
 
     /// Gap over a horizon up to which nothing counts as left: in units of what the model's own
-    /// records leave, where that is more than the noise.
+    /// records leave, where that is more than the noise, and no less than any one of them may have.
     fn most_gap(&self, horizon_s: f64) -> f64 {
-        let own = self.gaps.iter().find(|g| g.0 == horizon_s).map_or(1.0, |g| g.1.max(1.0));
-        EXPLAINED_GAP * if own.is_finite() { own } else { 1.0 }
+        let own = self.gaps.iter().find(|g| g.horizon_s == horizon_s).filter(|g| g.mean.is_finite());
+        let (mean, most) = own.map_or((1.0, 0.0), |g| (g.mean.max(1.0), g.most));
+        (EXPLAINED_GAP * mean).max(most)
     }
 
     /// What a power is held against, where that is told.
@@ -218,13 +231,22 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<Undecidable>,
         longer: far.map(|h| (h.horizon_s, result.gap.miss(h.after))),
         whole: whole.filter(|_| within),
     };
+    let by = |what: Criterion, value: f64, limit: f64| Some(DecidedBy { what, value, limit });
+    let (shape, gain) = rest.shape.unzip();
+    if undecidable.is_none() && !left {
+        if let Some(gain) = gain {
+            result.decided_by = by(Criterion::Shape, gain, unknown::CLEAR);
+        } else if let (Some(patch), false) = (&rest.patched, result.effects.is_empty()) {
+            result.decided_by = by(Criterion::Pieces, patch.effects.len() as f64, 1.0);
+        }
+    }
     (result.verdict, result.reason) = match (undecidable, left, result.effects.is_empty()) {
         (Some(why), ..) => {
             result.effects.clear();
             (Verdict::NotDecidable, Reason::Undecidable(why))
         }
-        (None, true, _) => (Verdict::Unexplained, Reason::Excess { residual, shape: rest.shape }),
-        (None, false, _) if let Some(shape) = rest.shape => (Verdict::Unexplained, Reason::Shape { residual, shape }),
+        (None, true, _) => (Verdict::Unexplained, Reason::Excess { residual, shape }),
+        (None, false, _) if let Some(shape) = shape => (Verdict::Unexplained, Reason::Shape { residual, shape }),
         (None, false, true) => (Verdict::NothingMissing, Reason::Noise(residual)),
         (None, false, false) if let Some(patch) = rest.patched => {
             (Verdict::Unexplained, Reason::Patched { residual, patch })
@@ -327,7 +349,11 @@ mod tests {
 
     #[test]
     fn records_of_the_models_own_excuse_a_little_and_not_everything() {
-        let own = |mean: f64, gap: f64| Left { remade: Some((mean, 0.02)), gaps: vec![(0.2, gap)], ..Left::default() };
+        let own = |mean: f64, gap: f64| Left {
+            remade: Some((mean, 0.02)),
+            gaps: vec![OwnGap { horizon_s: 0.2, mean: gap, most: 0.0 }],
+            ..Left::default()
+        };
         assert_eq!(verdict(1.04, 1.1, own(1.0, 1.0)).0, Verdict::NothingMissing);
         assert_eq!(verdict(1.2, 1.1, own(1.0, 1.0)).0, Verdict::Unexplained);
         // Counts that stand.

@@ -24,6 +24,10 @@ pub enum Criterion {
     Power,
     /// The same of one simulation of the whole record.
     PowerOfWhole,
+    /// What a shape without a name gains where it was not fitted, standard errors.
+    Shape,
+    /// Effects that together are one shape.
+    Pieces,
 }
 
 impl Display for Criterion {
@@ -34,6 +38,8 @@ impl Display for Criterion {
             Self::PowerOfWhole => {
                 f.write_str("power of what one simulation of the whole record leaves over that of the sensors' noise")
             }
+            Self::Shape => f.write_str("gain of a shape without a name where it was not fitted, standard errors"),
+            Self::Pieces => f.write_str("effects that together are one shape without a name"),
         }
     }
 }
@@ -269,7 +275,7 @@ impl Display for Undecidable {
                 let value = significant(*value, 3);
                 match criterion {
                     Criterion::Gap { .. } => write!(f, "predictions miss by {value} noise floors")?,
-                    Criterion::Power | Criterion::PowerOfWhole => {
+                    _ => {
                         write!(f, "what is left has {value} times the power of the sensors' noise")?;
                     }
                 }

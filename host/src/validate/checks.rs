@@ -44,8 +44,11 @@ pub(super) fn checks(v: &Validation) -> Vec<Check> {
             ),
         );
     }
-    // Where a record of the model's own is followed to its end nothing but the noise is in the way.
-    let whole = 2 * v.horizon.simulated.unended >= v.horizon.simulated.seconds.len();
+    // Where a record of the model's own is followed to its end nothing but the noise is in the way. One
+    // that is missed by more there is of a motion in which errors grow, those of parameters as well,
+    // which its own record does not have.
+    let lasts = 2 * v.horizon.simulated.unended >= v.horizon.simulated.seconds.len();
+    let whole = lasts && v.horizon.simulated.error[1] <= ERROR_RATIO;
     let [measured, simulated] = [&v.horizon.measured, &v.horizon.simulated].map(|h| h.error[usize::from(whole)]);
     if measured.is_finite() && simulated.is_finite() {
         let over =

@@ -155,13 +155,14 @@ impl<'a> Comparisons<'a> {
     }
 
     /// The largest exponent of the driven model along a stretch, from its variational equations,
-    /// with those of the two records. None for a free system.
+    /// with those of the two records. None for a free system, and under measured inputs, which end
+    /// with their record.
     pub fn exponent(&self, stretch: &Stretch, state: &[f64], records: Option<Pair>) -> Option<ExponentComparison> {
         let Pace { period_s, omega } = self.starts.pace;
         let (of, start_s) = (&*self.equations.dynamics, stretch.start_s);
         let outside = Outside::drive(start_s, stretch.tau(0), omega);
         let flow = Flow::new(of, &self.equations.parameters, outside, self.starts.step_s);
-        let is_driven = omega > 0.0;
+        let is_driven = omega > 0.0 && stretch.inputs.is_empty();
         let follow = || model_exponent::of_model(&flow, of, &mut state.to_vec(), start_s, period_s, 100, 3000);
         let found = is_driven.then(follow)??;
         Some(ExponentComparison {
@@ -172,7 +173,7 @@ impl<'a> Comparisons<'a> {
     }
 
     /// Catalogues side by side, and the record's best closing orbits refined on the model. None for
-    /// a free system.
+    /// a free system, and under measured inputs, which no orbit of the model has.
     pub fn orbits(
         &self,
         measured: &PhaseSpace,
@@ -180,7 +181,8 @@ impl<'a> Comparisons<'a> {
         record: RecordTrack<'_>,
         most: usize,
     ) -> Option<Orbits> {
-        let found = measured.orbits.as_ref()?;
+        let driven_alone = record.stretches.iter().all(|s| s.inputs.is_empty());
+        let found = measured.orbits.as_ref().filter(|_| driven_alone)?;
         let longest = found.settings.longest;
         let count = |space: &PhaseSpace| -> Vec<usize> {
             let orbits = space.orbits.as_ref().map_or(&[][..], |o| &o.orbits);

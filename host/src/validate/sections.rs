@@ -40,7 +40,11 @@ pub fn compare(
 ) -> Vec<SectionComparison> {
     let names: Vec<String> = measured.coordinates.iter().map(|c| c.name.clone()).collect();
     let of: Vec<Labelled> = names.iter().map(|n| label(n, known)).collect();
-    let is_angle: Vec<bool> = of.iter().map(|l| l.is_angle).collect();
+    // What is recorded of an input is no motion: a base that was measured is not what it does to the
+    // model in any other record.
+    let is_input = |n: &String| known.iter().any(|c| c.name == *n && c.input);
+    let kinds: Vec<Kind> =
+        of.iter().zip(&names).map(|(l, n)| Kind { is_angle: l.is_angle, is_input: is_input(n) }).collect();
     // A record that repeats has no exponent; its sections are a few points that no test tells apart
     // by distance.
     if measured.lyapunov.is_none() || simulated.lyapunov.is_none() || simulated.coordinates.len() != names.len() {
@@ -53,7 +57,7 @@ pub fn compare(
         .enumerate()
         .map(|(k, (a, b))| {
             let all: Vec<&Section> = [a, b].into_iter().chain(others.iter().filter_map(|o| o.get(k))).collect();
-            let clouds = features(&all, &is_angle);
+            let clouds = features(&all, &kinds);
             SectionComparison {
                 tau: a.tau,
                 names: names.clone(),
@@ -76,10 +80,17 @@ fn label(name: &str, known: &[Coordinate]) -> Labelled {
     }
 }
 
+/// What a recorded quantity is.
+#[derive(Clone, Copy)]
+struct Kind {
+    is_angle: bool,
+    is_input: bool,
+}
+
 /// Points of each section as features of equal weight, whatever their units: cosine and sine of each
 /// angle, and each length and velocity over its scatter in all of them together.
-fn features(all: &[&Section], is_angle: &[bool]) -> Vec<Vec<Vec<f64>>> {
-    let coordinates = all.iter().map(|s| s.value.len()).min().unwrap_or(0).min(is_angle.len());
+fn features(all: &[&Section], kinds: &[Kind]) -> Vec<Vec<Vec<f64>>> {
+    let coordinates = all.iter().map(|s| s.value.len()).min().unwrap_or(0).min(kinds.len());
     let scatters = |of: &dyn Fn(&Section) -> &[Vec<f32>]| -> Vec<f64> {
         (0..coordinates).map(|c| scatter(&all.iter().map(|s| &of(s)[c][..]).collect::<Vec<_>>())).collect()
     };
@@ -88,9 +99,9 @@ fn features(all: &[&Section], is_angle: &[bool]) -> Vec<Vec<Vec<f64>>> {
         let n = s.value.iter().map(Vec::len).min().unwrap_or(0);
         let one = |i: usize| {
             let mut out = Vec::with_capacity(3 * coordinates);
-            for c in 0..coordinates {
+            for c in (0..coordinates).filter(|c| !kinds[*c].is_input) {
                 let x = f64::from(s.value[c][i]);
-                if is_angle[c] {
+                if kinds[c].is_angle {
                     out.extend([x.cos(), x.sin()])
                 } else {
                     out.push(x / of_value[c])
@@ -117,6 +128,10 @@ fn scatter(parts: &[&[f32]]) -> f64 {
 mod tests {
     use super::*;
 
+    fn kind(is_angle: bool) -> Kind {
+        Kind { is_angle, is_input: false }
+    }
+
     #[test]
     fn a_length_counts_as_much_in_any_unit() {
         let section = |scale: f32, shift: f32, first: f32| {
@@ -127,12 +142,16 @@ mod tests {
         let p = |scale: f32| {
             let others = [3.3, 7.9, 11.2, 17.7].map(|first| section(scale, 0.0, first));
             let own = section(scale, 1.5, 0.0);
-            let clouds = features(&std::iter::once(&own).chain(&others).collect::<Vec<_>>(), &[false]);
+            let clouds = features(&std::iter::once(&own).chain(&others).collect::<Vec<_>>(), &[kind(false)]);
             (clouds[0][0].len(), among(&clouds[0], &clouds[1..]).unwrap().p_value)
         };
         // A millimetre's cosine is 1 wherever the motion is.
         assert!(p(1e-3).1 < 0.02 && (p(1e-3).1 - p(1.0).1).abs() < 1e-3, "{:?} {:?}", p(1e-3), p(1.0));
-        let x = &features(&[&section(1.0, 0.0, 0.0)], &[true])[0];
+        let x = &features(&[&section(1.0, 0.0, 0.0)], &[kind(true)])[0];
         assert_eq!((p(1.0).0, x[0].len()), (2, 3));
+        // An input beside it makes no feature.
+        let both = Section { tau: 0.0, value: vec![vec![0.5; 9]; 2], velocity: vec![vec![0.1; 9]; 2] };
+        let kinds = [kind(true), Kind { is_angle: false, is_input: true }];
+        assert_eq!(features(&[&both], &kinds)[0][0].len(), 3);
     }
 }

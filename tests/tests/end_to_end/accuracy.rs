@@ -86,7 +86,8 @@ fn a_free_motion_is_fitted_over_its_whole_length() {
         off.extend([(c.0 - 3e-5) / c.1, (j.0 - 1.5e-4) / j.1]);
         if seed == 1 {
             let details = told("explain")["details"].clone();
-            assert!(details["simulated_s"].as_f64() > details["window_s"].as_f64(), "{details}");
+            // Windows of the search are whole stretches, less what a low-pass reaches over.
+            assert!(details["window_s"].as_f64() > Some(7.0), "{details}");
         }
     }
     let rms = (off.iter().map(|z| z * z).sum::<f64>() / off.len() as f64).sqrt();

@@ -241,10 +241,10 @@ fn start(setting: &Setting<'_>, first: &Identification, physical: Physical) -> O
     })
 }
 
-/// Whole windows in the record, and their length, s.
+/// Whole windows in the record, or what is held out of them, and their length, s.
 fn whole_windows(setting: &Setting<'_>, state: &State) -> (usize, f64) {
     if let (true, Some(followed)) = (setting.shooting, &state.followed) {
-        return followed.windows(setting);
+        return followed.blocks(setting);
     }
     let window_s = setting.geometry.windows.length_s;
     (setting.raw.iter().map(|s| (s.len() as f64 * s.step_s / window_s) as usize).sum(), window_s)

@@ -15,18 +15,22 @@ use super::{
     shooting, simulation, tell, units, unknown,
 };
 use crate::error::Result;
-use crate::explain::decidability::{EXPLAINED_GAP, Left};
+use crate::explain::decidability::{EXPLAINED_GAP, Left, OwnGap};
 use crate::explain::explanation::{AtHorizon, Details, Explanation, Found, Step, Verdict};
 use crate::explain::ranking::{self, FOLDS};
 use crate::explain::{Settings, Undecidable, decidability, decision};
 use crate::identify::Identification;
 use crate::identify::stretches::Stretch;
+use crate::statistics::one_more;
 
 /// Step of integration as a share of the shortest horizon: 1e-8 of a smooth motion with a method of
 /// fifth order.
 const STEP: f64 = 0.01;
 /// Longer horizons of the gap, in units of the shortest.
 const LONGER: [f64; 3] = [2.0, 4.0, 8.0];
+
+/// Records of the model's own in which the gap is measured where inputs are noisy (by hand).
+const NOISY_RECORDS: usize = 8;
 
 /// An explanation that is being made.
 pub struct Run<'a> {
@@ -71,7 +75,7 @@ struct First {
 }
 
 impl<'a> Run<'a> {
-    /// Before anything was fitted; blocks are windows of `window_s`.
+    /// Before anything was fitted; blocks are of `window_s`.
     pub fn new(
         setting: Setting<'a>,
         state: State,
@@ -87,7 +91,7 @@ impl<'a> Run<'a> {
         result.simulation = simulation::open(&setting);
         result.details = Details {
             samples: setting.raw.iter().map(Stretch::len).sum(),
-            window_s,
+            window_s: state.followed.as_ref().filter(|_| setting.shooting).map_or(window_s, |f| f.windows(&setting).1),
             simulated_s: None,
             max_frequency_hz: setting.geometry.windows.frequencies as f64 / setting.geometry.windows.length_s,
             pass_hz: setting.geometry.kernels.full.pass_hz,
@@ -117,8 +121,9 @@ impl<'a> Run<'a> {
 
     /// The gap at every horizon that it was measured over, in records that the model itself makes:
     /// counts that stand while the motion is slow are no white noise, and one more than the noise
-    /// says is nothing then. Only where a gap is more than a right model's by noise.
-    fn gaps_of_itself(&self, x: &DVector<f64>) -> Vec<(f64, f64)> {
+    /// says is nothing then; noise of measured inputs adds up differently in every record. Only where
+    /// a gap is more than a right model's by noise.
+    fn gaps_of_itself(&self, x: &DVector<f64>) -> Vec<OwnGap> {
         let last = self.told.result.gap.steps.last().map(|s| (self.told.horizons.0, s.value));
         let all: Vec<(f64, f64)> =
             last.into_iter().chain(self.told.result.gap.horizons.iter().map(|h| (h.horizon_s, h.after))).collect();
@@ -132,12 +137,16 @@ impl<'a> Run<'a> {
             stretches: shooting::remade_record(&self.setting, &self.told.state, followed, repeat),
             ..self.told.state.clone()
         };
-        let records: Vec<State> = (0..shooting::RECORDS).map(made).collect();
-        let mean = |horizon_s: f64| {
-            let of = |r: &State| r.on_track(&self.setting, |track| model.gap(track, horizon_s, &self.told.held_out));
-            records.iter().map(of).sum::<f64>() / records.len() as f64
+        let is_noisy = self.setting.sensors.inputs.iter().any(|l| l.sigma() > 0.0);
+        let count = if is_noisy { NOISY_RECORDS } else { shooting::RECORDS };
+        let records: Vec<State> = (0..count).map(made).collect();
+        let of = |(horizon_s, _): (f64, f64)| {
+            let gap = |r: &State| r.on_track(&self.setting, |track| model.gap(track, horizon_s, &self.told.held_out));
+            let gaps: Vec<f64> = records.iter().map(gap).collect();
+            let most = if is_noisy { one_more(&gaps) } else { 0.0 };
+            OwnGap { horizon_s, mean: gaps.iter().sum::<f64>() / gaps.len() as f64, most }
         };
-        all.into_iter().map(|(horizon_s, _)| (horizon_s, mean(horizon_s))).collect()
+        all.into_iter().map(of).collect()
     }
 
     /// The gap of the model where it was not fitted.
@@ -234,7 +243,7 @@ impl<'a> Run<'a> {
     pub fn tell_again(&mut self, outcome: &Outcome) -> Result<()> {
         let Some(followed) = &self.told.state.followed else { return Ok(()) };
         let window_s = followed.windows(&self.setting).1;
-        self.told.horizons.1 = followed.block_s(&self.setting);
+        self.told.horizons.1 = followed.blocks(&self.setting).1;
         self.told.result.details.window_s = window_s;
         if !self.told.result.effects.is_empty() {
             return self.tell_last(outcome);
@@ -356,7 +365,7 @@ impl<'a> Run<'a> {
         let shape = (by_shooting && undecidable.is_none()).then(|| unknown::shape(&setting, &state, outcome)).flatten();
         let rest = Left {
             patched: patched::patched(&setting, &state, outcome),
-            shape: shape.as_ref().filter(|s| s.is_clear).map(|s| s.unknown.clone()),
+            shape: shape.as_ref().filter(|s| s.is_clear).map(|s| (s.unknown.clone(), s.deviations)),
             remade: remade.map(|r| (r.mean, r.error)),
             left_out,
             gaps,

@@ -42,7 +42,7 @@ const RIDGE: f64 = 1e-4;
 const LEAST_GAIN: f64 = 0.05;
 /// Standard errors between blocks from which a shape's gain is clear: 3e-5 by chance for each
 /// shape.
-const CLEAR: f64 = 4.0;
+pub const CLEAR: f64 = 4.0;
 
 /// A torque of unknown origin as a function of one coordinate.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -152,6 +152,8 @@ pub struct Shape {
     pub unknown: Unknown,
     /// Whether its gain is clear, from one block to the other.
     pub is_clear: bool,
+    /// Its gain in standard errors between blocks.
+    pub deviations: f64,
 }
 
 /// The shape that takes away most, if any takes away enough or is clear.
@@ -173,8 +175,11 @@ pub fn shape(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<
         let (mean, error) = ranking::gain(&outcome.fit.held_out, &fit.held_out);
         let share = mean * fit.held_out.len() as f64 / total;
         let is_clear = outcome.evidence.is_shooting() && mean > CLEAR * error;
-        (share > LEAST_GAIN || is_clear)
-            .then(|| Shape { unknown: hats.fitted(setting, state, own, &fit, share), is_clear })
+        (share > LEAST_GAIN || is_clear).then(|| Shape {
+            unknown: hats.fitted(setting, state, own, &fit, share),
+            is_clear,
+            deviations: mean / error,
+        })
     });
     found.max_by(|a, b| a.unknown.held_out_gain.total_cmp(&b.unknown.held_out_gain))
 }

@@ -3,6 +3,7 @@
 
 use nalgebra::{DMatrix, DVector};
 
+use super::super::best::MISSES_SOMETHING;
 use super::super::built_in::{self, WrittenRig};
 use super::super::input_noise::Level;
 use super::super::judgement::{self, MISLEADING};
@@ -20,12 +21,23 @@ use crate::system::ties::Identified;
 use crate::warning::Warning;
 use crate::wording::format::significant;
 
-/// What a run makes one doubt; `worst`: its greatest residuals, in the sensors' noise.
-fn doubts(outcome: &Outcome, worst: f64, inputs: &[Level]) -> Vec<Warning> {
+/// What a run makes one doubt; `worst`: its greatest residuals, in the sensors' noise; `is_balanced`:
+/// whether the balance of forces misses nothing beside the noise of inputs.
+fn doubts(outcome: &Outcome, worst: f64, inputs: &[Level], is_balanced: bool) -> Vec<Warning> {
     let Outcome { fit, lost, rounds, covariance, .. } = outcome;
     let used = fit.states.len();
     let mut warnings = Vec::new();
-    if worst > MISSES {
+    let noisy = inputs.iter().any(|l| l.sigma() > 0.0);
+    if worst > MISSES && noisy && is_balanced {
+        warnings.push(Warning::new(
+            "input-noise",
+            format!(
+                "residuals are {worst:.1} times the sensors' noise: the noise of the measured inputs comes through the \
+                 system; the balance of forces, which counts it, misses nothing"
+            ),
+            "Parameters may be off by more than their standard errors; a quieter input would tell more",
+        ));
+    } else if worst > MISSES {
         let warning = Warning::new(
             "more-than-noise",
             format!("residuals are {worst:.1} times the sensors' noise: the model misses something"),
@@ -85,7 +97,8 @@ pub fn finish(
 ) -> Result<Identification> {
     let WrittenRig { rig, bound, .. } = written;
     let worst = outcome.noise_ratio.iter().copied().fold(0.0, f64::max);
-    let doubts = doubts(&outcome, worst, &prepared.sensors.inputs);
+    let is_balanced = first.warnings.iter().all(|w| w.id != MISSES_SOMETHING);
+    let doubts = doubts(&outcome, worst, &prepared.sensors.inputs, is_balanced);
     let Outcome { fit, covariance, noise_ratio, lost, repetition, step_s, values, rounds, .. } = outcome;
     // Zeros are told apart from the equations' parameters.
     let own = |of: &DMatrix<f64>| of.view((0, 0), (names.len(), names.len())).into_owned();

@@ -52,8 +52,12 @@ pub struct Block {
 /// in its end.
 pub fn blocks_of(setting: &Setting<'_>, all: &[Window]) -> usize {
     let fewest = all.iter().map(|w| w.count).min().unwrap_or(0);
-    let is_one = setting.rig.drive.is_some() || all.len() as f64 >= BLOCKS;
-    if is_one { 1 } else { PARTS.div_ceil(all.len().max(1)).min(fewest / (2 * FEWEST_SAMPLES)).max(1) }
+    let is_free = setting.rig.drive.is_none() && setting.bound.inputs.is_empty();
+    let is_long = setting.blocks < BLOCKS || setting.window_s.is_some();
+    if !is_free || !is_long || all.len() as f64 >= BLOCKS {
+        return 1;
+    }
+    PARTS.div_ceil(all.len().max(1)).min(fewest / (2 * FEWEST_SAMPLES)).max(1)
 }
 
 impl Course<'_> {

@@ -146,10 +146,11 @@ impl Followed {
         Some(Settled { paths: &self.paths, kept: self.kept(setting)?, width: 2 * setting.circle.len() })
     }
 
-    /// Length of a block, s: of a window, or of what is held out of one.
-    pub fn block_s(&self, setting: &Setting<'_>) -> f64 {
-        let blocks = self.kept(setting).map_or(1, |all| cut::blocks_of(setting, &all));
-        self.windows(setting).1 / blocks as f64
+    /// How many blocks, and the length of one, s: of windows, or of what is held out of them.
+    pub fn blocks(&self, setting: &Setting<'_>) -> (usize, f64) {
+        let (windows, window_s) = self.windows(setting);
+        let parts = self.kept(setting).map_or(1, |all| cut::blocks_of(setting, &all));
+        (windows * parts, window_s / parts as f64)
     }
 
     /// How many windows, and the length of one, s.
