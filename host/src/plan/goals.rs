@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{BadInput, Result};
 use crate::files;
+use crate::rig::checks::typed;
 
 /// A parameter's wanted interval.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -91,14 +92,7 @@ impl Limits {
     /// Names the file, the key, the value and what was expected.
     pub fn read(path: &Path) -> Result<Self> {
         let text = files::read_text(path, "a limits file", "Name a file with lines such as frequency_hz = [2.0, 8.0]")?;
-        let out: Self = toml::from_str(&text).map_err(|e| {
-            BadInput::new(
-                e.to_string(),
-                "frequency_hz, amplitude_m or amplitude_factor as [low, high]; acceleration_m_s2, seconds as numbers",
-            )
-            .in_file(path)
-            .remedy("Correct the limits file (docs/plan.md)")
-        })?;
+        let out: Self = typed(&text, path, ["limits file", "docs/plan.md"])?;
         let ranges = [
             ("frequency_hz", out.frequency_hz),
             ("amplitude_m", out.amplitude_m),
@@ -164,5 +158,10 @@ mod tests {
             let said = file(bad).unwrap_err();
             assert!(said.contains(place) && said.contains("limits.toml"), "{said}");
         }
+        // One line in this program's words, not the parser's picture of the file.
+        let said = file("seconds = 3\nspeed = 3").unwrap_err();
+        assert!(said.contains("line 2, column 1: found the key \"speed\"") && !said.contains("TOML parse"), "{said}");
+        let said = file("frequency_hz = 3.0").unwrap_err();
+        assert!(said.contains("limits.toml: line 1, column 16: ") && said.contains("docs/plan.md"), "{said}");
     }
 }

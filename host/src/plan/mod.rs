@@ -41,6 +41,7 @@ use self::goals::{Goals, Limits, Tell};
 pub use self::moved::rig_at;
 use self::task::Task;
 pub use self::trial::Share;
+use crate::effects::catalogue;
 use crate::error::{BadInput, Result};
 use crate::explain::engine::expected::Expected;
 use crate::identify::Parameter;
@@ -331,7 +332,7 @@ pub fn plan(
     step: &(dyn Fn(u64, u64) + Sync),
 ) -> Result<Plan> {
     check_rig(rig)?;
-    check_goals(settings, model)?;
+    check_goals(settings, model, rig)?;
     let mut task = Task::new(rig, model, settings)?;
     let grid = task.grid()?;
     let done = AtomicU64::new(0);
@@ -370,9 +371,18 @@ pub fn plan(
 }
 
 /// Refuses goals that the model does not have.
-fn check_goals(settings: &Settings<'_>, model: &IdentifiedModel) -> Result<()> {
+fn check_goals(settings: &Settings<'_>, model: &IdentifiedModel, rig: &Rig) -> Result<()> {
     let goals = &settings.goals;
     let names: Vec<String> = model.effects.iter().map(AddedEffect::name).collect();
+    let id = |name: &str| name.split('@').next().unwrap_or_default().to_owned();
+    let known = |name: &String| {
+        names.contains(name) || catalogue().iter().chain(rig.effects.iter().map(|e| &**e)).any(|e| e.id == id(name))
+    };
+    if let Some(unknown) = goals.tell.iter().find(|t| !known(t)) {
+        return Err(BadInput::new(format!("\"{}\"", id(unknown)), "an effect of `whirl list effects`")
+            .at("--tell")
+            .remedy("Correct its name: ID@PLACE, such as quadratic-drag@arm2"));
+    }
     let sized = settings.sizes.iter().any(|t| t.size.is_some());
     if !goals.tell.is_empty() && !sized && !goals.tell.iter().any(|t| names.contains(t)) {
         let has = if names.is_empty() { "no effect".to_owned() } else { names.join(", ") };
