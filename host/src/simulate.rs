@@ -67,6 +67,9 @@ pub fn effects(texts: &[String]) -> Result<Vec<Effect>> {
         .collect()
 }
 
+/// Most counts a turn of a simulated encoder.
+const MOST_COUNTS: u32 = 1 << 20;
+
 /// Counts a turn of both encoders, and what encoder 2 is fixed to.
 ///
 /// # Errors
@@ -90,6 +93,13 @@ pub fn encoders(rig: &Rig) -> Result<([u32; 2], SecondEncoder)> {
         "phi2" => SecondEncoder::Absolute,
         other => return Err(bad(format!("\"{other}\" second"), "theta2 or phi2")),
     };
+    let finer = list.iter().find(|c| c.counts_per_turn.is_some_and(|n| n > MOST_COUNTS));
+    if let (Some(c), Some(n)) = (finer, finer.and_then(|c| c.counts_per_turn)) {
+        return Err(BadInput::new(n.to_string(), format!("at most {MOST_COUNTS} for a simulated encoder"))
+            .in_file(&rig.path)
+            .at(format!("channel \"{}\": counts_per_turn", c.name))
+            .remedy("Simulate a coarser encoder; records may have finer ones"));
+    }
     match (first.counts_per_turn, second.counts_per_turn) {
         (Some(a), Some(b)) => Ok(([a, b], fixed_to)),
         _ => Err(bad("a unit other than \"count\"".to_owned(), "unit = \"count\" for both")),

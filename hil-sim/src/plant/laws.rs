@@ -184,4 +184,6 @@ pub struct Additions {
     pub sensors: [Vec<SensorLaw>; 2],
     /// Delay of encoder 2 behind encoder 1, s.
     pub delay_s: f64,
+    /// Share by which a second of the record's time is longer than a second.
+    pub clock: f64,
 }

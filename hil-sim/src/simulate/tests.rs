@@ -109,6 +109,18 @@ fn exactly_equivalent_pairs_give_the_same_angles() {
     }
 }
 
+/// Sampling at 500 Hz by a clock whose second lasts 1.25 s is sampling at 400 Hz.
+#[test]
+fn a_slow_clock_is_a_lower_rate() {
+    let angles = |effects: &[&str], sample_rate_hz| -> Vec<_> {
+        let settings = SimulationSettings { drive: None, settle_s: 0.0, sample_rate_hz, ..with(effects) };
+        simulate(&settings, 250).iter().map(|s| s.angles).collect()
+    };
+    for (a, b) in angles(&["time-base@frame=0.25"], 500.0).iter().zip(angles(&[], 400.0)) {
+        assert!((a[0] - b[0]).abs() < 1e-6 && (a[1] - b[1]).abs() < 1e-6, "{a:?} {b:?}");
+    }
+}
+
 #[test]
 fn every_effect_runs_and_changes_the_counts() {
     let plain: Vec<_> = simulate(&with(&[]), 250).iter().map(|s| s.counts).collect();

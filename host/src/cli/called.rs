@@ -71,9 +71,44 @@ where
     let (name, rest) = words.split_at(words.len().min(1));
     let (name, rest) = (name.to_vec(), rest.to_vec());
     let writer = answered.map(|answered| -> crate::api::Writer {
-        Box::new(move |further| write(&answered, &[&name, further, &rest].concat(), own))
+        Box::new(move |further| write(&answered, &[&name, further, &without(&rest, further)].concat(), own))
     });
     Ok(Called { positive: answer == Answer::Positive, said, writer })
+}
+
+/// The option that a word names, `-o` for either of its names.
+fn option_of(word: &OsString) -> Option<String> {
+    let word = word.to_string_lossy();
+    match word.split('=').next().filter(|w| w.starts_with('-')) {
+        Some("--output") => Some("-o".to_owned()),
+        Some(long) if long.starts_with("--") => Some(long.to_owned()),
+        Some(short) => Some(short.chars().take(2).collect()),
+        None => None,
+    }
+}
+
+/// The words of a call without the options that further words give anew: each may stand once.
+fn without(words: &[OsString], further: &[OsString]) -> Vec<OsString> {
+    let anew: Vec<String> = further.iter().filter_map(option_of).collect();
+    let mut out = Vec::new();
+    let mut left = words.iter();
+    while let Some(word) = left.next() {
+        if word == "--" {
+            out.push(word.clone());
+            break;
+        }
+        let Some(option) = option_of(word).filter(|o| anew.contains(o)) else {
+            out.push(word.clone());
+            continue;
+        };
+        let text = word.to_string_lossy();
+        let has_value = text.contains('=') || (!text.starts_with("--") && text.chars().count() > 2);
+        if option != "--force" && !has_value {
+            left.next();
+        }
+    }
+    out.extend(left.cloned());
+    out
 }
 
 /// Writes an answer out by a command line that differs from its own by files that are written.
@@ -96,4 +131,23 @@ pub fn options(command: &str) -> Vec<CommandOption> {
         takes_value: a.get_action().takes_values(),
     };
     wanted.map(option).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_is_named_anew_takes_the_place_of_the_first() {
+        let of = |text: &str| text.split(' ').map(OsString::from).collect::<Vec<_>>();
+        let call = of("--rig rig.toml --report=a.html --json a.json -oa.toml --force -- --report=r.csv");
+        assert_eq!(
+            without(&call, &of("--report=b.html")),
+            of("--rig rig.toml --json a.json -oa.toml --force -- --report=r.csv")
+        );
+        assert_eq!(
+            without(&call, &of("-o b.toml --json=b.json --force")),
+            of("--rig rig.toml --report=a.html -- --report=r.csv")
+        );
+    }
 }

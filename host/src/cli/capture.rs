@@ -283,14 +283,14 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     let stop = Arc::new(AtomicBool::new(false));
     end_on_signals(&stop)?;
     let settings = settings_of(arguments, stop);
-    let outcome = shown(arguments, &rig, &settings)?;
+    let mut outcome = shown(arguments, &rig, &settings)?;
+    if let Some(path) = &arguments.out.report {
+        outcome.warnings.extend(super::inspect::report_of(&outcome.record, &rig, path)?);
+    }
     // First what others wait for: a terminal may be gone.
     arguments.out.write_json(&outcome)?;
     print_warnings(&outcome.warnings);
     arguments.out.say(&human(&outcome));
-    if let Some(path) = &arguments.out.report {
-        super::inspect::report_of(&outcome.record, &rig, path)?;
-    }
     Ok(match short_of(&outcome).filter(|_| arguments.strict) {
         Some(what) => {
             crate::error::tell(format!("{what} (--strict)"));

@@ -20,6 +20,7 @@ use crate::plan::written::{PlanFile, Run};
 use crate::record::writer::check_ending;
 use crate::record::{ReadOptions, Record};
 use crate::rig::Rig;
+use crate::warning::Warning;
 
 /// A run that was made.
 #[derive(Serialize)]
@@ -131,7 +132,8 @@ pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
             break;
         }
     }
-    arguments.out.write_json(&summary)?;
+    let warnings: Vec<Warning> = summary.runs.iter().flat_map(|r| r.capture.warnings.clone()).collect();
+    arguments.out.write_json_with(&summary, &warnings)?;
     let asked = !plan.tell.is_empty() || !plan.precise.is_empty();
     if asked && !summary.decided {
         crate::error::tell("what was asked is not decided by these records");

@@ -76,7 +76,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         parameters: motion.coefficients.iter().map(|p| p.name.clone()).collect(),
         effects: motion.effects.iter().map(Effect::name).collect(),
     };
-    arguments.out.write_json(&summary)?;
+    arguments.out.write_json_with(&summary, &[])?;
     let effects =
         if summary.effects.is_empty() { String::new() } else { format!(", with {}", summary.effects.join(", ")) };
     arguments.out.say(&format!(

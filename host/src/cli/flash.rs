@@ -7,6 +7,8 @@ use clap::Args;
 
 use super::Answer;
 use super::flash_image::{self, Kind};
+use super::output::Output;
+use super::outputs::Outputs;
 use crate::boards;
 use crate::error::{BadInput, Result};
 
@@ -20,10 +22,14 @@ pub struct Arguments {
     /// is called].
     #[arg(long, value_name = "FILE")]
     image: Option<PathBuf>,
+    #[command(flatten)]
+    out: Output,
 }
 
 /// Builds and flashes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
+    Outputs::of(&arguments.out, None).reads(&arguments.image).check()?;
+    arguments.out.tell_no_report("a board", "`whirl device show` tells of it");
     let Some(board) = boards::of(&arguments.board) else {
         return Err(BadInput::new(format!("\"{}\"", arguments.board), format!("one of {}", boards::flashable()))
             .at("--board")
@@ -39,11 +45,11 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     };
     // What would spoil the board is told first, in every build.
     let given = arguments.image.as_ref().map(|path| Ok((path.clone(), flash_image::of(path, board, chip)?)));
-    flash(board, chip, given.transpose()?)
+    flash(board, chip, given.transpose()?, &arguments.out)
 }
 
 #[cfg(not(feature = "probe"))]
-fn flash(board: &boards::Board, _: &str, given: Option<(PathBuf, Kind)>) -> Result<Answer> {
+fn flash(board: &boards::Board, _: &str, given: Option<(PathBuf, Kind)>, _: &Output) -> Result<Answer> {
     let taken = |kind: &Kind| match kind {
         Kind::Bin(_) => board.drop == "bin",
         Kind::Uf2 => board.drop == "uf2",
@@ -73,9 +79,10 @@ mod with_probe {
     use super::Kind;
     use crate::boards::Board;
     use crate::cli::Answer;
+    use crate::cli::output::Output;
     use crate::error::{BadInput, Result};
 
-    pub(super) fn flash(board: &Board, chip: &str, given: Option<(PathBuf, Kind)>) -> Result<Answer> {
+    pub(super) fn flash(board: &Board, chip: &str, given: Option<(PathBuf, Kind)>, out: &Output) -> Result<Answer> {
         let (image, kind) = match given {
             Some(given) => given,
             None => (build(board)?, Kind::Elf),
@@ -105,7 +112,8 @@ mod with_probe {
             .core(0)
             .and_then(|mut core| core.reset())
             .map_err(|e| failed("a board that restarts", &e, "Press its reset button"))?;
-        crate::cli::output::Output::default().say(&format!("{} runs {}\n", board.id, image.display()));
+        out.write_json(&serde_json::json!({ "board": board.id, "image": image, "warnings": [] }))?;
+        out.say(&format!("{} runs {}\n", board.id, image.display()));
         Ok(Answer::Positive)
     }
 
@@ -166,7 +174,7 @@ mod tests {
     use super::*;
 
     fn refused_with(board: &str, image: Option<PathBuf>) -> String {
-        run(&Arguments { board: board.to_owned(), image }).unwrap_err().to_string()
+        run(&Arguments { board: board.to_owned(), image, out: Output::default() }).unwrap_err().to_string()
     }
 
     fn refused(board: &str) -> String {
@@ -196,7 +204,8 @@ mod tests {
             ("pico2", Kind::Uf2, "copy /i onto"),
             ("pico2", Kind::Bin(0x1000_0000), "copy whirl-pico2.uf2"),
         ] {
-            let message = flash(boards::of(board).unwrap(), "", Some(("/i".into(), kind))).unwrap_err().to_string();
+            let given = Some(("/i".into(), kind));
+            let message = flash(boards::of(board).unwrap(), "", given, &Output::default()).unwrap_err().to_string();
             assert!(message.contains(named), "{message}");
         }
     }

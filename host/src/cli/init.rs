@@ -10,10 +10,11 @@ use super::{Answer, Columns};
 use crate::error::Result;
 use crate::files::write_file;
 use crate::init::{Settings, draft, garbled_names, write};
-use crate::record::ReadOptions;
 use crate::record::formats;
 use crate::record::names::find;
+use crate::record::{ReadOptions, Record, has_footer};
 use crate::rig::computed::sources;
+use crate::warning::Warning;
 use crate::wording::format::shell_word;
 
 /// Arguments of `init`.
@@ -46,7 +47,7 @@ pub struct Arguments {
 
 /// Looks at the record, writes the rig file.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
-    arguments.out.refuse_report("a rig file", "`whirl inspect` writes one of the record")?;
+    arguments.out.tell_no_report("a rig file", "`whirl inspect` writes one of the record");
     Outputs::of(&arguments.out, Some(arguments.replace))
         .reads(&arguments.records)
         .record("-o", &arguments.output)
@@ -60,8 +61,15 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         needs_system: true,
     };
     let first = &arguments.records[0];
-    print_warnings(garbled_names(first).as_slice());
+    let mut warnings: Vec<Warning> = garbled_names(first).into_iter().collect();
+    print_warnings(&warnings);
     let draft = draft(first, &settings)?;
+    if draft.stored.is_some() && !has_footer(first) {
+        // Its head tells the rig; without --recover it is refused as by every command.
+        let read = Record::read(first, &draft.rig()?, &settings.options)?;
+        print_warnings(&read.warnings);
+        warnings.extend(read.warnings);
+    }
     for other in &arguments.records[1..] {
         let names: Vec<String> = formats::columns(other, &draft.time)?.into_iter().map(|l| l.name).collect();
         for c in &sources(&draft.rig()?.channel, &arguments.output)?.columns {
@@ -72,9 +80,8 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     draft.rig()?;
     write_file(&arguments.output, write::text(&draft).as_bytes())?;
     let checks = draft.statements().iter().filter(|s| s.check).count();
-    arguments
-        .out
-        .write_json(&serde_json::json!({ "format": 1, "rig": arguments.output, "draft": draft, "to_check": checks }))?;
+    let result = serde_json::json!({ "rig": arguments.output, "draft": draft, "to_check": checks });
+    arguments.out.write_json_with(&result, &warnings)?;
     arguments.out.say(&write::human(&draft));
     let word = |path: &std::path::Path| shell_word(&path.display().to_string());
     let (record, rig) = (word(first), word(&arguments.output));

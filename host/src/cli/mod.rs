@@ -45,7 +45,7 @@ use crate::error::{BadInput, Result, tell};
 use crate::record::Record;
 use crate::record::cut::Part;
 use crate::record::formats::ReadOptions;
-use crate::record::names::TimeChoice;
+use crate::record::names::{TimeChoice, own_time};
 use crate::rig::Rig;
 use crate::rig::choices::{self, Choices};
 use crate::warning::Warning;
@@ -189,6 +189,11 @@ impl Columns {
     fn choices(&self) -> Choices {
         Choices { time: self.time.clone(), map: self.map.clone() }
     }
+
+    /// A column of the time is not named in vain.
+    fn check(&self, record: &Record) -> Result<()> {
+        if record.has_own_time() { own_time(self.time.as_deref(), &record.path) } else { Ok(()) }
+    }
 }
 
 /// Records and the rig that they belong to: what most commands begin with.
@@ -247,6 +252,7 @@ impl Records {
         part.validate()?;
         let read = |path: &PathBuf| {
             let mut record = Record::read(path, rig, &options)?;
+            self.columns.check(&record)?;
             record.cut(&part).map(|()| record)
         };
         self.records.iter().map(read).collect()
@@ -303,11 +309,11 @@ fn command() -> clap::Command {
 }
 
 /// Commands of whose answer there is no report.
-const WITHOUT_REPORT: [&str; 3] = ["simulate", "init", "export"];
+const WITHOUT_REPORT: [&str; 5] = ["simulate", "init", "export", "list", "flash"];
 
 /// Parses, runs, reports.
 pub fn main() -> ExitCode {
-    let matches = command().get_matches();
+    let matches = command().try_get_matches().unwrap_or_else(|e| misused(&e));
     let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
     progress::set_quiet(cli.quiet);
     match run(cli, &matches).and_then(|answer| output::all_said().map(|()| answer)) {
@@ -320,6 +326,19 @@ pub fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
+}
+
+/// Ends as the parser does; where a rig file is missing it is said how one comes about.
+fn misused(error: &clap::Error) -> ! {
+    let missing = error.kind() == clap::error::ErrorKind::MissingRequiredArgument;
+    let text = error.to_string();
+    // What says the error first may lead to a terminal that is gone.
+    if missing && text.contains("--rig <RIG.toml>") && text.find("--rig") < text.find("Usage:") {
+        let _ = error.print();
+        let _ = writeln!(std::io::stderr(), "\nA rig file is written from a record: whirl init REC -o RIG.toml");
+        std::process::exit(2);
+    }
+    error.exit()
 }
 
 fn run(cli: Cli, matches: &ArgMatches) -> Result<Answer> {
@@ -363,7 +382,7 @@ mod tests {
 
     #[test]
     fn a_command_without_a_report_names_none_in_its_help() {
-        for name in ["simulate", "init", "export", "identify"] {
+        for name in ["simulate", "init", "export", "list", "flash", "identify"] {
             let mut all = super::command();
             let help = all.find_subcommand_mut(name).unwrap().render_long_help().to_string();
             assert_eq!(help.contains("--report"), name == "identify", "{name}");

@@ -33,6 +33,14 @@ pub struct Replace {
     pub force: bool,
 }
 
+/// A result with the warnings that it does not hold itself.
+#[derive(Serialize)]
+struct Warned<'a, T> {
+    #[serde(flatten)]
+    result: &'a T,
+    warnings: &'a [Warning],
+}
+
 /// A result with the version of its keys.
 #[derive(Serialize)]
 struct Versioned<'a, T> {
@@ -48,6 +56,14 @@ impl Output {
     /// A file that cannot be written.
     pub fn write_json<T: Serialize>(&self, result: &T) -> Result<()> {
         self.write(&Versioned { format: FORMAT, result })
+    }
+
+    /// The same for a result that does not hold its warnings itself.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write_json_with<T: Serialize>(&self, result: &T, warnings: &[Warning]) -> Result<()> {
+        self.write_json(&Warned { result, warnings })
     }
 
     /// Writes the JSON of several results, as a list of objects, if asked for.
@@ -79,17 +95,6 @@ impl Output {
             };
         }
         write_file(path, text.as_bytes())
-    }
-
-    /// Refuses `--report` where there is none of what a command does.
-    ///
-    /// # Errors
-    /// It was asked for; `remedy` says what has one.
-    pub fn refuse_report(&self, of: &str, remedy: &str) -> Result<()> {
-        if self.report.is_none() {
-            return Ok(());
-        }
-        Err(BadInput::new("--report", format!("no report of {of}")).at("--report").remedy(remedy))
     }
 
     /// Says that there is no report of what a command does, where one was asked for.

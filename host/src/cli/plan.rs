@@ -59,12 +59,12 @@ pub struct Arguments {
     out: Output,
 }
 
-/// The model that is planned for.
-fn model(arguments: &Arguments, rig: &Rig, record: Option<&Record>) -> Result<IdentifiedModel> {
+/// The model that is planned for, and what makes it doubtful.
+fn model(arguments: &Arguments, rig: &Rig, record: Option<&Record>) -> Result<(IdentifiedModel, Vec<Warning>)> {
     match (&arguments.model, record) {
         (Some(path), _) => {
             let model = IdentifiedModel::read(path)?;
-            refused::other_system(&model, path, rig).map(|()| model)
+            refused::other_system(&model, path, rig).map(|()| (model, Vec::new()))
         }
         (None, Some(record)) => {
             let bar = progress::bar("identifying the record", 0);
@@ -75,7 +75,7 @@ fn model(arguments: &Arguments, rig: &Rig, record: Option<&Record>) -> Result<Id
             // What is planned for a model that misses something is no better than the model.
             let grave: Vec<Warning> = found.warnings.iter().filter(|w| w.invalidates).cloned().collect();
             print_warnings(&grave);
-            model_file::identified_model(&found, rig)
+            Ok((model_file::identified_model(&found, rig)?, grave))
         }
         (None, None) => {
             Err(BadInput::new("no model and no record", "an identified model of this rig, or a record of it")
@@ -97,7 +97,7 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     check_rig(&rig)?;
     let limits = arguments.limits.as_ref().map(|p| Limits::read(p)).transpose()?.unwrap_or_default();
     let record = arguments.record.as_ref().map(|p| Record::read(p, &rig, &ReadOptions::default())).transpose()?;
-    let model = model(arguments, &rig, record.as_ref())?;
+    let (model, warnings) = model(arguments, &rig, record.as_ref())?;
     let settings = Settings {
         goals: Goals {
             tell: arguments.tell.iter().map(|t| t.name.clone()).collect(),
@@ -116,11 +116,11 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
     });
     bar.finish_and_clear();
     let found = found?;
-    arguments.out.write_json(&found)?;
-    arguments.out.say(&presentation::human(&found));
     if let Some(path) = &arguments.output {
         write_file(path, presentation::to_toml(&found).as_bytes())?;
     }
+    arguments.out.write_json_with(&found, &warnings)?;
+    arguments.out.say(&presentation::human(&found));
     let reason = match &found.best {
         Some(best) if best.decides => return Ok(Answer::Positive),
         Some(best) if best.is_one_draw() => "whether the planned record reaches every goal rests on one draw",

@@ -220,17 +220,16 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         (reduced, read.iter().map(|r| r.losses.lost()).sum())
     };
     print_warnings(&result.warnings);
-    let stands = Answer::that_stands(&result.warnings);
-    arguments.out.write_json(&result)?;
-    arguments.out.say(&human(&result));
     if let Some(path) = &arguments.curves {
         write_file(path, curves(&result).as_bytes())?;
     }
     if let Some(path) = &arguments.out.report {
         let names: Vec<String> = records.records.iter().map(|p| p.display().to_string()).collect();
         let mut results = Results::new();
-        results.add(result);
+        results.add(result.clone());
         Report::of(format!("Reduction: {}", rig.name), names.join(", "), &results).write(path)?;
     }
-    Ok(stands.and(records.answer_for(lost)))
+    arguments.out.write_json(&result)?;
+    arguments.out.say(&human(&result));
+    Ok(Answer::that_stands(&result.warnings).and(records.answer_for(lost)))
 }

@@ -2,6 +2,7 @@
 //! side.
 
 use clap::Args;
+use serde::Serialize;
 
 use super::Answer;
 use super::output::{Output, Replace};
@@ -25,15 +26,23 @@ pub struct Arguments {
     out: Output,
 }
 
+/// What can be reproduced.
+#[derive(Serialize)]
+struct Listed {
+    id: &'static str,
+    about: &'static str,
+}
+
 /// Reproduces, prints, writes.
 pub fn run(arguments: &Arguments) -> Result<Answer> {
+    Outputs::of(&arguments.out, Some(arguments.replace)).check()?;
     if arguments.list {
-        for item in items() {
-            arguments.out.say(&format!("{} {}\n", item.id, item.about));
-        }
+        arguments.out.tell_no_report("a list", "`whirl reproduce ID` writes one");
+        let listed: Vec<Listed> = items().map(|item| Listed { id: item.id, about: item.about }).collect();
+        arguments.out.write_json_list(&listed)?;
+        listed.iter().for_each(|item| arguments.out.say(&format!("{} {}\n", item.id, item.about)));
         return Ok(Answer::Positive);
     }
-    Outputs::of(&arguments.out, Some(arguments.replace)).check()?;
     let chosen = if arguments.ids.is_empty() {
         items().collect()
     } else {
@@ -47,7 +56,6 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         arguments.out.say(&r.text());
         done.push(r);
     }
-    arguments.out.write_json_list(&done)?;
     if let Some(path) = &arguments.out.report {
         let mut report =
             Report::new("Reproduction", "the dissertation's tables and figures: printed, reproduced, true");
@@ -56,5 +64,6 @@ pub fn run(arguments: &Arguments) -> Result<Answer> {
         }
         report.write(path)?;
     }
+    arguments.out.write_json_list(&done)?;
     Ok(Answer::Positive)
 }

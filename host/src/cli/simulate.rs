@@ -1,7 +1,7 @@
 //! `whirl simulate`: a record of a simulated rig, with effects put in if asked; with `--model`, of
 //! an identified model.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 
@@ -11,6 +11,8 @@ use super::{Answer, Columns};
 use crate::error::{BadInput, Result};
 use crate::record::writer::check_ending;
 use crate::rig::Rig;
+use crate::simulate::Summary;
+use crate::wording::format::{count, shortest};
 
 /// Arguments of `simulate`.
 #[derive(Debug, Args)]
@@ -93,14 +95,17 @@ fn plant(arguments: &Arguments, rig: &Rig, seconds: f64) -> Result<Answer> {
         &arguments.output,
         &super::progress::bar("simulating", 0),
     )?;
-    arguments.out.write_json(&summary)?;
-    arguments.out.say(&format!(
-        "{} samples ({} s) in {}\n",
-        crate::wording::format::count(summary.samples),
-        summary.seconds,
-        arguments.output.display()
-    ));
+    arguments.out.write_json_with(&summary, &[])?;
+    arguments.out.say(&said(&summary, &arguments.output));
     Ok(Answer::Positive)
+}
+
+/// What was simulated, for people: effects with all their parameters, those by default too.
+fn said(summary: &Summary, output: &Path) -> String {
+    let effects =
+        if summary.effects.is_empty() { String::new() } else { format!(", with {}", summary.effects.join("; ")) };
+    let (samples, seconds) = (count(summary.samples), shortest(summary.seconds));
+    format!("{samples} samples ({seconds} s) in {}{effects}\n", output.display())
 }
 
 /// Simulates a model file.
@@ -119,13 +124,8 @@ fn model_file(
         &arguments.output,
     )?;
     let seconds = samples as f64 / rig.sample_rate_hz;
-    let summary =
-        crate::simulate::Summary { samples, seconds, seed: arguments.seed, effects: arguments.effects.clone() };
-    arguments.out.write_json(&summary)?;
-    arguments.out.say(&format!(
-        "{} samples ({seconds} s) in {}\n",
-        crate::wording::format::count(samples),
-        arguments.output.display()
-    ));
+    let summary = Summary { samples, seconds, seed: arguments.seed, effects: arguments.effects.clone() };
+    arguments.out.write_json_with(&summary, &[])?;
+    arguments.out.say(&said(&summary, &arguments.output));
     Ok(Answer::Positive)
 }

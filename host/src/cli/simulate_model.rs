@@ -8,6 +8,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::Answer;
+use super::output::print_warnings;
 use super::outputs::Outputs;
 use super::simulate::Arguments;
 use crate::error::{BadInput, Result};
@@ -74,6 +75,7 @@ pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
         (None, None) => stand_in::rig(&model, path).map_err(of_model)?,
     };
     let record = arguments.from.as_ref().map(|p| Record::read(p, &rig, &ReadOptions::default())).transpose()?;
+    record.as_ref().map_or(Ok(()), |r| arguments.columns.check(r))?;
     let first_s = record.as_ref().and_then(|r| r.segments.first()).map_or(0.0, |s| s.start_s);
     let motion = Motion::of(&model, path, Some(&rig), first_s).map_err(of_model)?;
     let begin = match &record {
@@ -90,7 +92,9 @@ pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
     let sample_rate_hz = 1.0 / begin.step_s;
     write_values_from(&arguments.output, &Rig { sample_rate_hz, ..rig.clone() }, start_s, &columns)?;
     let summary = summary(&motion, &rig, &begin, &solution, start_s);
-    arguments.out.write_json(&summary)?;
+    let warnings = record.map(|r| r.warnings).unwrap_or_default();
+    print_warnings(&warnings);
+    arguments.out.write_json_with(&summary, &warnings)?;
     arguments.out.say(&said(&summary, &rig, &motion, &arguments.output));
     Ok(Answer::Positive)
 }
@@ -143,7 +147,7 @@ fn samples(seconds: Option<f64>, motion: &Motion, begin: &Begin) -> Result<usize
         } else {
             String::new()
         };
-        return Err(BadInput::new(seconds.to_string(), format!("seconds above 0, at most {bound}{why}"))
+        return Err(BadInput::new(seconds.to_string(), format!("seconds above 0, at most {}{why}", shortest(bound)))
             .at("--seconds")
             .remedy("Give fewer seconds, or begin earlier with --start"));
     }
@@ -186,6 +190,7 @@ fn said(s: &Summary, rig: &Rig, motion: &Motion, output: &Path) -> String {
     // A name that tells its unit is not told it twice.
     let told = |c: &Channel| match names::split(&c.name).1 {
         Some(unit) if unit == c.unit => c.name.clone(),
+        _ if c.unit == "1" => format!("{} (no unit)", c.name),
         _ if !c.is_plain() => format!("{} ({} with the rig file's gain and offset)", c.name, c.unit),
         _ => format!("{} ({})", c.name, c.unit),
     };

@@ -140,11 +140,14 @@ impl<C: Single> Answered<C> {
     pub fn write(&self, arguments: &C) -> Result<()> {
         let Self { ready, records, result } = self;
         let out = &arguments.common().out;
-        out.write_json(result)?;
         let card = C::card(ready, result);
-        out.say(&C::human(result, &card));
+        let human = C::human(result, &card);
+        // Files that may fail to be written come first: no JSON tells of an answer that ends with 2.
         arguments.write(ready, records, result)?;
-        report(arguments, ready, records, result, card)
+        report(arguments, ready, records, result, card)?;
+        out.write_json(result)?;
+        out.say(&human);
+        Ok(())
     }
 }
 

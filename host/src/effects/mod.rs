@@ -52,8 +52,21 @@ use crate::model::model_file::toml_place::Source;
 /// The text of the catalogue.
 pub const TEXT: &str = include_str!("effects.toml");
 
+/// What is known of the one effect that is no law at a place of a system, so that `explain` cannot
+/// have it: every coefficient is as another system's.
+const TIME_BASE: &str = "id = \"time-base\"
+at = \"frame\"
+unit = \"1\"
+equation = \"a second of the record's t lasts 1 + s seconds\"
+signature = \"none in residuals: quantities under [known] contradict the record by one factor of time, which `whirl identify` tells\"
+confirm = \"record for ten minutes by a watch and compare with the record's t\"
+# For `whirl simulate` of the built-in pendulums.";
+
 /// The text of one entry of the catalogue, up to the empty line behind it.
 pub fn text_of(id: &str) -> Option<String> {
+    if id == "time-base" {
+        return Some(TIME_BASE.to_owned());
+    }
     let first = format!("id = \"{id}\"");
     let entry: Vec<&str> = TEXT.lines().skip_while(|l| *l != first).take_while(|l| !l.is_empty()).collect();
     (!entry.is_empty()).then(|| entry.join("\n"))

@@ -31,7 +31,7 @@ use crate::rig::Rig;
 use crate::system::mechanism::{Coefficient, Mechanism};
 use crate::system::polynomial::Atom;
 use crate::warning::Warning;
-use crate::wording::format::{Z95, plus_minus, significant};
+use crate::wording::format::{Z95, behind, plus_minus, significant};
 
 /// Standard errors by which a sign must be wrong: by chance once in thirty thousand coefficients.
 const CLEAR: f64 = 4.0;
@@ -271,7 +271,7 @@ fn physical_signs(result: &Identification, rig: &Rig) -> Vec<Warning> {
         .map(|p| {
             Warning::new(
                 "negative-quantity",
-                format!("{} = {} {} is negative", p.name, plus_minus(p.value, Z95 * p.std_error), p.unit),
+                format!("{} = {}{} is negative", p.name, plus_minus(p.value, Z95 * p.std_error), behind(&p.unit)),
                 "No rig is so. Are the quantities under [known] right? If they are, the equations miss something: run `whirl explain`",
             )
             .invalidating()

@@ -15,7 +15,7 @@ use crate::inspect::motion;
 use crate::rig::{Direction, MOST_A_PERIOD, RATES};
 use crate::signal::spectrum::{self, Density};
 use crate::statistics::median;
-use crate::wording::format::significant;
+use crate::wording::format::{shortest, significant};
 
 /// Parts of a record in each of which the line must be.
 const PARTS: usize = 6;
@@ -58,7 +58,8 @@ pub(super) fn told(hz: f64, rate_hz: f64) -> Result<Drives> {
     // What a rig file may have: see `rig::checks::drive`.
     let (least, most) = (RATES.start().max(rate_hz / MOST_A_PERIOD), rate_hz / 10.0);
     if hz != 0.0 && !(least..=most).contains(&hz) {
-        let expected = format!("0 (no drive), or {least} to {most} Hz, a tenth of the record's {rate_hz} Hz");
+        let [least, most, rate] = [least, most, rate_hz].map(shortest);
+        let expected = format!("0 (no drive), or {least} to {most} Hz, a tenth of the record's {rate} Hz");
         return Err(BadInput::new(format!("{hz}"), expected)
             .at("--drive-hz")
             .remedy("Say the frequency in Hz; a faster drive needs a record of a higher rate"));

@@ -20,7 +20,7 @@ use serde::Serialize;
 use self::columns::Seen;
 use self::raw::Raw;
 use crate::error::{BadInput, Result, plain};
-use crate::record::names::TimeChoice;
+use crate::record::names::{self, TimeChoice};
 use crate::record::{ReadOptions, Record, formats, metadata};
 use crate::rig::choices::Choices;
 use crate::rig::{Direction, Rig};
@@ -163,6 +163,7 @@ pub fn draft(path: &Path, settings: &Settings) -> Result<Draft> {
     if settings.system.is_none()
         && let Some(stored) = stored(path, &settings.output)
     {
+        names::own_time(settings.choices.time.as_deref(), path)?;
         return Ok(stored);
     }
     let raw = raw::read(path, settings)?;
@@ -300,10 +301,12 @@ fn nothing_to_measure(raw: &Raw, seen: &[Seen]) -> BadInput {
         (true, false) => format!("no column of numbers but the time ({})", left.join("; ")),
         _ => list.join(", "),
     };
-    BadInput::new(found, "a column that moves")
-        .in_file(&raw.path)
-        .at("columns")
-        .remedy("Export the angles or displacements, one column each, beside the time")
+    let twice = raw.unused.iter().any(|s| s.why.contains("columns have this name"));
+    let remedy = match twice {
+        true => "Give every column of the header row a name of its own",
+        false => "Export the angles or displacements, one column each, beside the time",
+    };
+    BadInput::new(found, "a column that moves").in_file(&raw.path).at("columns").remedy(remedy)
 }
 
 #[cfg(test)]

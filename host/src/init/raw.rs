@@ -86,6 +86,9 @@ pub(super) fn read(path: &Path, settings: &Settings) -> Result<Raw> {
         }
         (Err(e), _) => return Err(e),
     };
+    if record.has_own_time() {
+        names::own_time(settings.choices.time.as_deref(), path)?;
+    }
     let sparse = sparse(path, &numbers, &record, &time, settings);
     if !sparse.is_empty() {
         numbers.retain(|n| !sparse.contains(n));

@@ -58,7 +58,7 @@ impl Need {
 /// What a column is, for messages.
 fn words(s: &Seen) -> String {
     match s.kind {
-        Kind::Input => format!("{} in {}", s.kind.words(), s.unit),
+        Kind::Input if s.unit != "1" => format!("{} in {}", s.kind.words(), s.unit),
         _ => s.kind.words().to_owned(),
     }
 }

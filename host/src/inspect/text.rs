@@ -6,7 +6,7 @@ use super::Inspection;
 use super::coordinate::Coordinate;
 use super::motion::Space;
 use super::periodicity::Kind;
-use crate::wording::format::{count, duration, fixed, quantity, shortest, significant, to_digits_of};
+use crate::wording::format::{behind, count, duration, fixed, quantity, shortest, significant, to_digits_of};
 use crate::wording::symbols::symbol_plain;
 
 /// Restarts of the device that are shown, a line each.
@@ -74,7 +74,7 @@ pub fn range(c: &Coordinate) -> String {
     if c.space == Space::S1 && c.greatest - c.least > 20.0 {
         format!("{} … {} turns", significant(c.least / turn, 3), significant(c.greatest / turn, 3))
     } else {
-        format!("{} … {} {}", significant(c.least, 4), significant(c.greatest, 4), c.unit)
+        format!("{} … {}{}", significant(c.least, 4), significant(c.greatest, 4), behind(&c.unit))
     }
 }
 

@@ -125,8 +125,12 @@ impl<'a> Starts<'a> {
         let all: usize = room.iter().sum();
         let every = all.div_ceil(self.most).max(self.samples(1.0, track)).max(1);
         let mut out = (Vec::new(), Vec::new());
+        // Counted on from stretch to stretch, so that many short ones are no more starts than one.
+        let mut next = 0;
         for (k, room) in room.into_iter().enumerate() {
-            for first in (0..room).step_by(every) {
+            let firsts = (next..room).step_by(every);
+            next = (next + firsts.len() * every).saturating_sub(room);
+            for first in firsts {
                 if let Some((piece, guess)) = track.piece(k, first, longest.min(lengths[k] - first)) {
                     out.0.push(piece);
                     out.1.push(guess);

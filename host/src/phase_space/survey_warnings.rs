@@ -3,6 +3,7 @@
 use super::average_mutual_information::Minimum;
 use super::survey_settings::Settings;
 use crate::warning::Warning;
+use crate::wording::format::duration;
 
 /// That a delay is no clear one.
 pub const WEAK_MINIMA: &str = "weak-minima";
@@ -29,8 +30,8 @@ pub fn weak_minima(name: &str, minima: &[Minimum], delay: usize, weak: bool, rat
         WEAK_MINIMA,
         message,
         format!(
-            "The delay ({delay} samples are {:.4} s) affects exponent and dimension only; under a drive a quarter of its period serves as well",
-            delay as f64 / rate
+            "The delay ({}) affects exponent and dimension only; under a drive a quarter of its period serves as well",
+            duration(delay as f64 / rate)
         ),
     )
 }

@@ -4,9 +4,12 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
+use crate::effects::catalogue;
 use crate::error::{BadInput, Result};
 use crate::files;
 use crate::model::identified::{AddedEffect, IdentifiedModel};
+use crate::rig::Rig;
+use crate::rig::checks::typed;
 
 /// A parameter's wanted interval.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -92,14 +95,7 @@ impl Limits {
     /// Names the file, the key, the value and what was expected.
     pub fn read(path: &Path) -> Result<Self> {
         let text = files::read_text(path, "a limits file", "Name a file with lines such as frequency_hz = [2.0, 8.0]")?;
-        let out: Self = toml::from_str(&text).map_err(|e| {
-            BadInput::new(
-                e.to_string(),
-                "frequency_hz, amplitude_m or amplitude_factor as [low, high]; acceleration_m_s2, seconds as numbers",
-            )
-            .in_file(path)
-            .remedy("Correct the limits file (docs/plan.md)")
-        })?;
+        let out: Self = typed(&text, path, ["limits file", "docs/plan.md"])?;
         let ranges = [
             ("frequency_hz", out.frequency_hz),
             ("amplitude_m", out.amplitude_m),
@@ -126,9 +122,18 @@ impl Limits {
 }
 
 /// Refuses goals that the model does not have.
-pub(super) fn check(settings: &super::Settings<'_>, model: &IdentifiedModel) -> Result<()> {
+pub(super) fn check(settings: &super::Settings<'_>, model: &IdentifiedModel, rig: &Rig) -> Result<()> {
     let goals = &settings.goals;
     let names: Vec<String> = model.effects.iter().map(AddedEffect::name).collect();
+    let id = |name: &str| name.split('@').next().unwrap_or_default().to_owned();
+    let known = |name: &String| {
+        names.contains(name) || catalogue().iter().chain(rig.effects.iter().map(|e| &**e)).any(|e| e.id == id(name))
+    };
+    if let Some(unknown) = goals.tell.iter().find(|t| !known(t)) {
+        return Err(BadInput::new(format!("\"{}\"", id(unknown)), "an effect of `whirl list effects`")
+            .at("--tell")
+            .remedy("Correct its name: ID@PLACE, such as quadratic-drag@arm2"));
+    }
     let sized = settings.sizes.iter().any(|t| t.size.is_some());
     if !goals.tell.is_empty() && !sized && !goals.tell.iter().any(|t| names.contains(t)) {
         let has = if names.is_empty() { "no effect".to_owned() } else { names.join(", ") };
@@ -185,5 +190,10 @@ mod tests {
             let said = file(bad).unwrap_err();
             assert!(said.contains(place) && said.contains("limits.toml"), "{said}");
         }
+        // One line in this program's words, not the parser's picture of the file.
+        let said = file("seconds = 3\nspeed = 3").unwrap_err();
+        assert!(said.contains("line 2, column 1: found the key \"speed\"") && !said.contains("TOML parse"), "{said}");
+        let said = file("frequency_hz = 3.0").unwrap_err();
+        assert!(said.contains("limits.toml: line 1, column 16: ") && said.contains("docs/plan.md"), "{said}");
     }
 }

@@ -345,7 +345,7 @@ pub fn plan(
     step: &(dyn Fn(u64, u64) + Sync),
 ) -> Result<Plan> {
     check_rig(rig)?;
-    goals::check(settings, model)?;
+    goals::check(settings, model, rig)?;
     let mut task = Task::new(rig, model, settings)?;
     let grid = task.grid()?;
     let done = AtomicU64::new(0);

@@ -102,7 +102,7 @@ pub fn rig_at(rig: &Rig, setting: &Setting) -> Result<Rig> {
         return Ok(rig.clone());
     }
     let mut table: toml::Table =
-        toml::from_str(&rig.text).map_err(|e| BadInput::new(e.to_string(), "a rig file").in_file(&rig.path))?;
+        toml::from_str(&rig.text).map_err(|e| BadInput::new(e.message(), "a rig file").in_file(&rig.path))?;
     let drive = table.get_mut("drive").and_then(toml::Value::as_table_mut);
     if let (Some(own), Some(was), Some(frequency_hz)) = (drive, rig.drive, setting.frequency_hz) {
         own.insert("frequency_hz".to_owned(), frequency_hz.into());

@@ -10,6 +10,7 @@ use super::goals::{Precise, Tell};
 use super::moved::rig_at;
 use crate::error::{BadInput, Result};
 use crate::files;
+use crate::rig::checks::typed;
 use crate::rig::{LONGEST_S, Rig};
 
 /// Most runs of a file (by hand).
@@ -72,8 +73,7 @@ impl PlanFile {
             let remedy = "Make the plan again with `whirl plan -o`, or correct it (docs/plan.md)";
             BadInput::new(found, expected).in_file(path).at(at.to_owned()).remedy(remedy)
         };
-        let out: Self =
-            toml::from_str(&text).map_err(|e| bad(e.to_string(), "a plan, as `whirl plan -o` writes it", "plan"))?;
+        let out: Self = typed(&text, path, ["plan", "docs/plan.md"])?;
         if out.format != 1 {
             return Err(bad(out.format.to_string(), "1", "format"));
         }

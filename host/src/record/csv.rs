@@ -101,6 +101,8 @@ struct Reader<'a, R> {
     path: &'a Path,
     recover: bool,
     ended: bool,
+    /// Length of the last cell of the row before.
+    last_cell: usize,
     warnings: Vec<Warning>,
 }
 
@@ -125,7 +127,7 @@ impl<'a, R: BufRead> Reader<'a, R> {
         }
         let row = Row { t: 0.0, tick: None, cells: Vec::with_capacity(layout.channels.len()), own: (0, 0, 0) };
         let recover = options.recover;
-        Ok(Self { lines, cells: Cells::default(), layout, row, path, recover, ended: false, warnings })
+        Ok(Self { lines, cells: Cells::default(), layout, row, path, recover, ended: false, last_cell: 0, warnings })
     }
 
     fn read(mut self, rig: &Rig, options: &ReadOptions) -> Result<Record> {
@@ -173,13 +175,20 @@ impl<'a, R: BufRead> Reader<'a, R> {
                 let parsed = parse(&self.lines.bytes, number, &self.layout, rows, &mut self.cells, &mut self.row);
                 // A line cut right behind a delimiter has all of its cells, the last one empty.
                 let cut = !ended && self.cells.get(self.layout.width - 1).is_empty();
+                let length = self.cells.get(self.layout.width - 1).len();
+                let shorter = length < std::mem::replace(&mut self.last_cell, length);
                 match parsed {
                     Ok(()) if !cut => {
-                        take(rows, number, &self.row);
+                        if ended || !shorter {
+                            take(rows, number, &self.row);
+                        }
                         if !ended {
+                            // 201.1 cut to 2 would be a jump.
+                            let so =
+                                if shorter { "is shorter than the one above, and left out" } else { "may be cut off" };
                             self.warnings.push(Warning::new(
                                 "no-line-feed",
-                                format!("line {number}, the last, has no line feed: its last number may be cut off"),
+                                format!("line {number}, the last, has no line feed: its last number {so}"),
                                 "If this file was cut short, copy it again",
                             ));
                         }

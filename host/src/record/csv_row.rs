@@ -95,8 +95,11 @@ pub(super) fn parse(
     }
     if cells.len() != layout.width {
         return Err(at_line(
-            BadInput::new(format!("{} cells", cells.len()), format!("{} as in the header", layout.width))
-                .remedy(layout.mended.as_deref().unwrap_or(MEND)),
+            BadInput::new(
+                format!("{} cell{}", cells.len(), if cells.len() == 1 { "" } else { "s" }),
+                format!("{} as in the header", layout.width),
+            )
+            .remedy(layout.mended.as_deref().unwrap_or(MEND)),
         ));
     }
     let comma = csv_head::decimal_comma(layout.delimiter);
@@ -117,18 +120,47 @@ pub(super) fn parse(
                     // Columns of which nothing is known yet have the unit 1.
                     let expected =
                         if c.unit == "1" { "a number".to_owned() } else { format!("a number in {}", c.unit) };
-                    return Err(rows
-                        .bad(number, &c.name, shown(text), &expected)
-                        .remedy("Mend the cell, or leave it empty (that is a gap)"));
+                    return Err(rows.bad(number, &c.name, shown(text), &expected).remedy(
+                        decimal_comma_remedy(text).unwrap_or("Mend the cell, or leave it empty (that is a gap)"),
+                    ));
                 }
             },
         };
         row.cells.push(cell);
     }
+    if comma {
+        one_decimal_sign(number, layout, rows, cells)?;
+    }
     if let Some(places) = layout.own {
         row.own = own(number, places, cells, rows)?;
     }
     Ok(())
+}
+
+/// Whether a comma may stand between thousands: `124,320`.
+fn may_be_thousands(text: &[u8]) -> bool {
+    let Ok(text) = core::str::from_utf8(text) else { return false };
+    let text = text.trim_start_matches(['-', '+']);
+    let digits = |t: &str| t.bytes().all(|b| b.is_ascii_digit());
+    text.split_once(',').is_some_and(|(before, behind)| {
+        (1..=3).contains(&before.len())
+            && !before.starts_with('0')
+            && behind.len() == 3
+            && digits(before)
+            && digits(behind)
+    })
+}
+
+/// Where other cells of the row have a decimal point, such a comma is no decimal comma: taken for
+/// one the value would be a thousandth.
+fn one_decimal_sign(number: u64, layout: &Layout, rows: &Rows<'_>, cells: &Cells) -> Result<()> {
+    let Some(k) = layout.channels.iter().position(|&place| may_be_thousands(cells.get(place))) else { return Ok(()) };
+    let mut all = layout.channels.iter().chain([&layout.t]).map(|&place| cells.get(place));
+    let Some(other) = all.find(|text| text.contains(&b'.') && number_of(text, false).is_some()) else { return Ok(()) };
+    let found = format!("{} beside {}", shown(cells.get(layout.channels[k])), shown(other));
+    Err(rows
+        .bad(number, &rows.sources.columns[k].name, found, "one sign before decimals, and none between thousands")
+        .remedy("Export the file without separators of thousands, or with a decimal comma in every column"))
 }
 
 /// What only whirl's own CSV has: tick, phase, amplitude in nm.
@@ -174,10 +206,19 @@ fn time_of(number: u64, text: &[u8], layout: &Layout, rows: &Rows<'_>) -> Result
     match dates::nanoseconds(text) {
         Some(v) => Ok(from_origin(v, 1e9)),
         None if text.is_empty() => Ok((f64::NAN, None)),
-        None => Err(rows
-            .bad(number, &layout.time, shown(text.as_bytes()), "a time in seconds")
-            .remedy("Write the time as a number, such as 0.002, or as a date such as 2026-11-23T12:00:00.002")),
+        None => Err(rows.bad(number, &layout.time, shown(text.as_bytes()), "a time in seconds").remedy(
+            decimal_comma_remedy(text.as_bytes())
+                .unwrap_or("Write the time as a number, such as 0.002, or as a date such as 2026-11-23T12:00:00.002"),
+        )),
     }
+}
+
+/// What to do about a decimal comma in a file that commas delimit.
+fn decimal_comma_remedy(cell: &[u8]) -> Option<&'static str> {
+    let is_one = number_of(cell, false).is_none() && number_of(cell, true).is_some();
+    is_one.then_some(
+        "It is a decimal comma: where commas delimit the cells, write decimals with a point, or delimit by semicolons",
+    )
 }
 
 /// Takes a row that was parsed.

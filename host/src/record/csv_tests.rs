@@ -163,6 +163,20 @@ fn each_bad_input_has_its_message() {
         let r = Record::read(dir.file(name, bytes), &rig(), &ReadOptions::default());
         assert!(r.is_err(), "{name}");
     }
+    let mixed = |cell: &str| {
+        (0..20).fold("t;count1;angle\n".to_owned(), |s, i| s + &format!("{:.3};{i};{cell}\n", f64::from(i) * 0.002))
+    };
+    let told = error(&mixed("124,320"));
+    assert!(told.contains("found \"124,320\" beside \"0.000\"") && told.contains("thousands"), "{told}");
+    assert!(read(&mixed("0,125")).is_ok());
+    // Cut within its last number.
+    assert_eq!(read(rows(50).trim_end().trim_end_matches("49")).unwrap().samples(), 49);
+    for mark in ["\u{feff}", ""] {
+        let text = format!("{mark}t,count1\n0,1\n");
+        let bytes: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
+        let told = Record::read(dir.file("u.csv", &bytes), &rig(), &ReadOptions::default()).unwrap_err().to_string();
+        assert!(told.contains("found a text in UTF-16") && told.contains("iconv -f UTF-16"), "{told}");
+    }
     assert!(Record::read(dir.0.path().join("none.csv"), &rig(), &ReadOptions::default()).is_err());
     assert!(Record::read(dir.0.path(), &rig(), &ReadOptions::default()).unwrap_err().to_string().contains("folder"));
 }

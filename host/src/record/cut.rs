@@ -2,6 +2,7 @@
 
 use super::{Losses, Record, Segment};
 use crate::error::{BadInput, Result};
+use crate::wording::format::shortest;
 
 /// Which part of a record is used, s; all of it without bounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -53,7 +54,7 @@ impl Record {
         self.segments = self.segments.iter().filter_map(|s| of_segment(s, part)).collect();
         if self.segments.is_empty() {
             let (from, to) = whole.unwrap_or_default();
-            let bound = |s: Option<f64>, without: f64| s.unwrap_or(without);
+            let bound = |s: Option<f64>, without: f64| shortest(s.unwrap_or(without));
             return Err(BadInput::new(
                 format!("no sample from t = {} to {} s", bound(part.from_s, from), bound(part.to_s, to)),
                 format!("a part of t = {from:.3} to {to:.3} s"),

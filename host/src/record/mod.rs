@@ -60,7 +60,7 @@ use whirl_shared::excitation::{Excitation, Table};
 pub use self::device_boot::DeviceBoot;
 pub use self::formats::ReadOptions;
 pub use self::level::Level;
-pub use self::parquet::metadata;
+pub use self::parquet::{has_footer, metadata};
 pub use self::writer::RecordWriter;
 use crate::error::Result;
 use crate::rig::{Channel, Rig};
@@ -328,6 +328,11 @@ impl Record {
             losses: Losses { received, ..Losses::default() },
             ..Self::default()
         }
+    }
+
+    /// Whether its time is that of the device, ticks and phase of the drive beside it.
+    pub fn has_own_time(&self) -> bool {
+        self.segments.iter().any(|s| s.phase.is_some())
     }
 
     /// Reads a record in any of [`formats::FORMATS`], told apart by content and extension.

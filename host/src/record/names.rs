@@ -225,6 +225,23 @@ pub fn time_column(names: &[String], choice: &TimeChoice, path: &Path) -> Result
     Ok(TimeColumn { index, name, per_second })
 }
 
+/// Refuses a column of the time that a person names for a record that has the device's own time.
+///
+/// # Errors
+/// Another one than `t`, in seconds.
+pub fn own_time(asked: Option<&str>, path: &Path) -> Result<()> {
+    match asked {
+        None | Some("t" | "t:s") => Ok(()),
+        Some(other) => Err(BadInput::new(
+            format!("\"{other}\""),
+            "t, the device's own time, by which a record that whirl made is read",
+        )
+        .in_file(path)
+        .at("--time")
+        .remedy("Leave --time out")),
+    }
+}
+
 /// The column of the time as a record is written that is to be read with this choice: its name,
 /// and how many of its units there are in a second.
 pub fn written_time(choice: &TimeChoice) -> (String, f64) {

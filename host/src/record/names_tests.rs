@@ -82,3 +82,10 @@ fn a_choice_of_time_may_say_its_unit() {
     assert_eq!(written(Some("clock:ms"), None), ("clock".to_owned(), 1e3));
     assert_eq!(written(Some("time"), Some("min")), ("time".to_owned(), 1.0 / 60.0));
 }
+
+#[test]
+fn a_device_s_own_time_has_one_name() {
+    let told = |asked| own_time(asked, Path::new("r.csv")).map_err(|e| e.to_string());
+    assert!(told(None).is_ok() && told(Some("t")).is_ok());
+    assert!(told(Some("nosuch")).is_err_and(|e| e.starts_with("r.csv: --time: found \"nosuch\", expected t,")));
+}

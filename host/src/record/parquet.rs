@@ -30,9 +30,12 @@ use super::csv::OWN_COLUMNS;
 use super::formats::{Format, ReadOptions};
 use super::parquet_cells::Cells;
 use super::parquet_chunks::{Chunk, Failure, PART, caught, decode_all, open_group, read_part, rows_in, take};
+use super::parquet_recovery::marker_at;
 use super::parquet_salvage::salvage;
 use super::parquet_source::Source as ParquetSource;
-use super::parquet_structure::{Columns, Structure, check_rig, columns, flat, listed, own_metadata, structure};
+use super::parquet_structure::{
+    Columns, FIRST_MARKER, Structure, check_rig, columns, flat, listed, own_metadata, structure,
+};
 use super::rows::Rows;
 use super::stream::{Source, Streamed};
 use super::{Losses, Metadata, Record, quiet, segments};
@@ -84,9 +87,21 @@ fn rows_of(path: &Path) -> Option<u64> {
     u64::try_from(footer(path)?.file_metadata().num_rows()).ok()
 }
 
-/// What a whole record of whirl's own says of itself; none for every other file.
+/// What a record of whirl's own says of itself, one that is cut short by its head; none for every
+/// other file.
 pub fn metadata(path: &Path) -> Option<Metadata> {
-    own_metadata(&footer(path)?).0
+    match footer(path) {
+        Some(footer) => own_metadata(&footer).0,
+        None => {
+            let source = ParquetSource::new(super::formats::open(path).ok()?).ok()?;
+            own_metadata(&marker_at(&mut source.place(), FIRST_MARKER)?.metadata).0
+        }
+    }
+}
+
+/// Whether a file has its end, in which Parquet keeps what it holds.
+pub fn has_footer(path: &Path) -> bool {
+    footer(path).is_some()
 }
 
 /// Reads row groups, whole or in parts.
@@ -118,7 +133,8 @@ impl<'a> Reader<'a> {
         let source = Arc::new(ParquetSource::new(super::formats::open(path)?).map_err(io)?);
         let structure = guarded(path, || structure(&source, path, options.recover))?;
         let mut warnings = Vec::new();
-        if let Some(metadata) = &structure.metadata {
+        // Columns as they stand say nothing that could contradict it.
+        if let Some(metadata) = structure.metadata.as_ref().filter(|_| !rig.is_of_columns()) {
             check_rig(metadata, path, rig, &mut warnings)?;
         }
         let (names, _) = flat(&structure.schema);

@@ -31,7 +31,7 @@ use crate::rig::Rig;
 use crate::warning::Warning;
 
 /// Where the first marker stands: behind the file's magic.
-const FIRST_MARKER: u64 = 4;
+pub(super) const FIRST_MARKER: u64 = 4;
 
 /// A row group and what is known of it.
 pub(super) struct Group {

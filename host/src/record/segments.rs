@@ -14,7 +14,7 @@ use crate::error::{BadInput, Result};
 use crate::rig::{Channel, Rig, UNKNOWN_RATE};
 use crate::suspects::{self, Numbering};
 use crate::warning::Warning;
-use crate::wording::format::rounded;
+use crate::wording::format::{behind, rounded};
 
 /// Rms deviation of `t` from an even clock, in steps, from which a warning is given.
 const JITTER_WARNING: f64 = 0.05;
@@ -309,9 +309,11 @@ pub(super) fn no_whole_row(path: &Path, rig: &Rig) -> BadInput {
 
 /// Jumps that were undone.
 pub(super) fn unwrapped_warning(c: &Channel, modulus: f64, wraps: u64) -> Warning {
+    let unit = if c.unit == "count" { " counts".to_owned() } else { behind(&c.unit) };
+    let were = if wraps == 1 { "was" } else { "were" };
     Warning::new(
         "unwrapped",
-        format!("{} is recorded modulo {} {}: {wraps} jumps were undone", c.name, rounded(modulus, 6), c.unit),
+        format!("{} is recorded modulo {}{unit}: {} {were} undone", c.name, rounded(modulus, 6), plural(wraps, "jump")),
         "Right as long as no arm turns by half of that within one sample",
     )
 }

@@ -65,6 +65,8 @@ pub struct Card {
     pub gap: (String, Vec<GapBar>),
     /// The picture.
     pub picture: Option<Compared>,
+    /// Checks that were not passed.
+    pub failed: Vec<String>,
     /// Tests in the laboratory.
     pub confirm: Vec<String>,
     /// What could not be decided, and what to do for it.
@@ -188,7 +190,9 @@ impl Card {
             self.remarks.iter().for_each(|r| out.push_str(&format!("  {r}\n")));
         }
         self.bars(&mut out);
-        for (heading, list) in [("To confirm it", &self.confirm), ("Not decided", &self.undecided)] {
+        for (heading, list) in
+            [("Not passed", &self.failed), ("To confirm it", &self.confirm), ("Not decided", &self.undecided)]
+        {
             if !list.is_empty() {
                 let _ = writeln!(out, "\n{heading}");
                 list.iter().for_each(|l| out.push_str(&format!("  {l}\n")));
@@ -266,6 +270,7 @@ impl Card {
             body.figure(&picture(p));
         }
         for (heading, list) in [
+            ("What was not passed", &self.failed),
             ("The test in the laboratory that would confirm it", &self.confirm),
             ("What could not be decided, and what to do for it", &self.undecided),
         ] {

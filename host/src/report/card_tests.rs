@@ -35,6 +35,7 @@ fn card() -> Card {
             after: vec![0.0, 0.1, 0.2],
         }),
         confirm: vec!["Swing it in a vacuum.".to_owned()],
+        failed: Vec::new(),
         undecided: Vec::new(),
     }
 }

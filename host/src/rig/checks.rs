@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use serde::de::DeserializeOwned;
+
 use super::{Channel, Drive, MOST_A_PERIOD, QUANTITIES, RATES, RigFile, UNITS};
 use crate::error::{BadInput, Result};
 use crate::record::names::{TimeChoice, per_second, time_units};
@@ -16,9 +18,17 @@ fn bad<T>(path: &Path, place: &str, found: String, expected: &str) -> Result<T> 
 
 /// The keys of a rig file, none of them looked at yet.
 pub(super) fn table(text: &str, path: &Path) -> Result<RigFile> {
+    typed(text, path, ["rig file", "docs/rig-file.md"])
+}
+
+/// A file of known keys; `what` it is, and the page that lists them.
+///
+/// # Errors
+/// Names the file, the place, what was found and what was expected.
+pub(crate) fn typed<T: DeserializeOwned>(text: &str, path: &Path, what: [&str; 2]) -> Result<T> {
     toml::from_str(text).map_err(|e| {
         let place = e.span().map_or_else(
-            || "rig file".to_owned(),
+            || what[0].to_owned(),
             |span| {
                 let before = &text[..span.start.min(text.len())];
                 let line = before.matches('\n').count() + 1;
@@ -28,7 +38,7 @@ pub(super) fn table(text: &str, path: &Path) -> Result<RigFile> {
         );
         let message = e.message().replace('\n', " ");
         let line = e.span().map_or("", |span| line_at(text, span.start));
-        in_plain_words(message.trim()).in_file(path).at(place).remedy(remedy(&message, line))
+        in_plain_words(message.trim()).in_file(path).at(place).remedy(remedy(&message, line, what))
     })
 }
 
@@ -87,7 +97,7 @@ fn line_at(text: &str, at: usize) -> &str {
 }
 
 /// What to do about a message of the TOML reader: it says what it met, not how it came about.
-fn remedy(message: &str, line: &str) -> String {
+fn remedy(message: &str, line: &str, [what, page]: [&str; 2]) -> String {
     if line.trim_start().starts_with("[channel]") {
         return "Write [[channel]] with two brackets: each is one of a list".to_owned();
     }
@@ -103,10 +113,10 @@ fn remedy(message: &str, line: &str) -> String {
             "frequency_hz" => ", such as frequency_hz = 5.0",
             _ => "",
         };
-        return format!("Add {key}{example}; the keys of a rig file are listed in docs/rig-file.md");
+        return format!("Add {key}{example}; the keys of a {what} are listed in {page}");
     }
     let meant = unknown_key(message.trim()).map_or_else(String::new, |(key, known)| did_you_mean(key, known));
-    format!("{meant}Correct this key; the keys of a rig file are listed in docs/rig-file.md")
+    format!("{meant}Correct this key; the keys of a {what} are listed in {page}")
 }
 
 /// The error for a rig file without a rate where nothing says it.

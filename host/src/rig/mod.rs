@@ -6,7 +6,7 @@
 
 pub mod as_own;
 mod channel;
-mod checks;
+pub(crate) mod checks;
 pub mod choices;
 pub mod computed;
 pub mod declared;
@@ -310,6 +310,11 @@ impl Rig {
             path: PathBuf::new(),
             bound: None,
         }
+    }
+
+    /// Whether it is one of columns as they stand, that no file says anything of.
+    pub fn is_of_columns(&self) -> bool {
+        self.text.is_empty() && self.path.as_os_str().is_empty()
     }
 
     /// Whether the rig file itself gives g.

@@ -4,6 +4,7 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
 use super::Rig;
+use super::checks::typed;
 use crate::error::{BadInput, Result};
 
 /// Parameters of the simulated double pendulum, SI. `e1` and `m1` enter as their product and in
@@ -113,17 +114,15 @@ impl BasePlant {
 /// No table, or one with other keys or kinds of values.
 pub(super) fn table<T: DeserializeOwned>(rig: &Rig, example: &str) -> Result<T> {
     #[derive(Deserialize)]
-    struct File {
-        plant: Option<toml::Value>,
+    struct File<T> {
+        plant: Option<T>,
     }
-    let bad = |found: String, expected: &str| BadInput::new(found, expected).in_file(&rig.path).at("[plant]");
-    let file: File = toml::from_str(&rig.text).map_err(|e| bad(e.message().to_owned(), "a rig file"))?;
-    let value = file.plant.ok_or_else(|| {
-        bad("no [plant]".to_owned(), "the simulated rig's parameters")
+    let file: File<T> = typed(&rig.text, &rig.path, ["rig file", "docs/rig-file.md"])?;
+    file.plant.ok_or_else(|| {
+        BadInput::new("no [plant]", "the simulated rig's parameters")
+            .in_file(&rig.path)
+            .at("[plant]")
             .remedy(format!("Add a [plant] table, or use {example}"))
-    })?;
-    value.try_into().map_err(|e: toml::de::Error| {
-        bad(e.message().replace('\n', " "), "").remedy("Correct [plant]; its keys are listed in docs/rig-file.md")
     })
 }
 

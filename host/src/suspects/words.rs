@@ -45,9 +45,9 @@ impl<'a> Wording<'a> {
 
     fn unit(&self, channel: usize, value: f64) -> String {
         match self.record.channels[channel].unit.as_str() {
-            "count" if value.abs() == 1.0 => "count".to_owned(),
-            "count" => "counts".to_owned(),
-            unit => unit.to_owned(),
+            "count" => format!(" count{}", if value.abs() == 1.0 { "" } else { "s" }),
+            "1" => String::new(),
+            unit => format!(" {unit}"),
         }
     }
 
@@ -214,7 +214,7 @@ impl<'a> Wording<'a> {
         let w = Warning::new(
             "filled-in",
             format!(
-                "{name} goes along a straight line without its noise for {n} rows, from {from} {unit} at {} to {to} {unit} at {}: its values were filled in there",
+                "{name} goes along a straight line without its noise for {n} rows, from {from}{unit} at {} to {to}{unit} at {}: its values were filled in there",
                 self.at(run.stretch, run.from),
                 self.at(run.stretch, run.to - 1)
             ),
@@ -247,7 +247,7 @@ impl<'a> Wording<'a> {
         };
         let w = Warning::new(
             "clipped",
-            format!("{name} is cut off at {value} {}: it stands there {how}", self.unit(channel, value)),
+            format!("{name} is cut off at {value}{}: it stands there {how}", self.unit(channel, value)),
             format!("These {left_out} rows are left out as gaps; give the sensor or the counter a wider range"),
         );
         self.placed(w, Some(channel), (runs[0].stretch, runs[0].from)).with("value", value).with("left_out", left_out)
@@ -361,7 +361,7 @@ impl<'a> Wording<'a> {
     fn list(&self, channel: usize, found: &[Found]) -> String {
         let one = |f: &Found| {
             let size = self.size(channel, f);
-            format!("{} by {size:+} {}", self.at(f.stretch, f.from), self.unit(channel, size))
+            format!("{} by {size:+}{}", self.at(f.stretch, f.from), self.unit(channel, size))
         };
         let list: Vec<String> = found.iter().take(NAMED).map(one).collect();
         let more = if found.len() > NAMED { format!(" and {} more", found.len() - NAMED) } else { String::new() };

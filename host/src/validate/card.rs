@@ -22,13 +22,8 @@ pub fn card(v: &Validation, model: &IdentifiedModel, rig: &Rig) -> Card {
     });
     let parameters = own.chain(effects).collect();
     let failed = v.checks.iter().filter(|c| !c.passed);
-    Card {
-        verdict: sentence(v),
-        equations,
-        parameters,
-        undecided: failed.map(|c| format!("Failed: {}: {}.", c.name, c.message.trim_end_matches('.'))).collect(),
-        ..Card::default()
-    }
+    let failed = failed.map(|c| format!("{}: {}.", c.name, c.message.trim_end_matches('.')));
+    Card { verdict: sentence(v), equations, parameters, failed: failed.collect(), ..Card::default() }
 }
 
 /// Whether the model moves as the record does, and how long its predictions hold.

@@ -171,6 +171,11 @@ pub fn quantity(value: f64, unit: &str, digits: usize) -> String {
     format!("{} {prefix}{unit}", significant(value / 10f64.powi(3 * e3), digits))
 }
 
+/// A unit as it stands behind a number, a blank before it; nothing where there is none.
+pub fn behind(unit: &str) -> String {
+    if unit.is_empty() || unit == "1" { String::new() } else { format!(" {unit}") }
+}
+
 /// Share as a percentage.
 pub fn percent(share: f64, digits: usize) -> String {
     format!("{} %", significant(100.0 * share, digits))
@@ -222,6 +227,7 @@ mod tests {
         assert_eq!(quantity(4.43e-4, "rad", 2), "443 µrad");
         assert_eq!(quantity(0.015_525, "m", 4), "15.53 mm");
         assert_eq!(quantity(500.0, "Hz", 3), "500 Hz");
+        assert_eq!((behind("N m").as_str(), behind("1").as_str(), behind("").as_str()), (" N m", "", ""));
         assert_eq!(
             mathml_number("2.00·10⁻⁷"),
             "<mn>2.00</mn><mo>·</mo><msup><mn>10</mn><mrow><mo>−</mo><mn>7</mn></mrow></msup>"

@@ -116,6 +116,36 @@ pub fn symbol_plain(name: &str) -> String {
     out
 }
 
+/// A law as it is typed, `-k x^2 sin(tau - psi)`, as people write it, `−k x² sin(τ − ψ)`; what is
+/// no letter's name stays.
+pub fn law_plain(text: &str) -> String {
+    const LETTERS: [(&str, &str); 3] = [("pi", "π"), ("eps", "ε"), ("w", "ω")];
+    const POWERS: [(&str, &str); 4] = [("^2", "²"), ("^3", "³"), ("^4", "⁴"), ("^5", "⁵")];
+    let letter = |word: &str| match LETTERS.iter().find(|l| l.0 == word) {
+        Some((_, letter)) => (*letter).to_owned(),
+        None => {
+            let (head, index) = word.split_at(word.find('_').unwrap_or(word.len()));
+            let (name, digits) = head.split_at(head.find(|c: char| c.is_ascii_digit()).unwrap_or(head.len()));
+            match parts(name).first() {
+                Some((base, sub)) if sub.is_empty() => format!("{base}{digits}{index}"),
+                _ => word.to_owned(),
+            }
+        }
+    };
+    let in_word = |c: char| c.is_alphanumeric() || c == '_';
+    let (mut out, mut word) = (String::with_capacity(text.len()), String::new());
+    for c in text.chars().chain(core::iter::once(' ')) {
+        if in_word(c) {
+            word.push(c);
+            continue;
+        }
+        out.push_str(&letter(&std::mem::take(&mut word)));
+        out.push(if c == '-' { '−' } else { c });
+    }
+    out.pop();
+    POWERS.iter().fold(out, |out, (from, to)| out.replace(from, to))
+}
+
 /// A mark of a derivative.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mark {
@@ -203,5 +233,12 @@ mod tests {
             "<mrow><msub><mi>φ</mi><mtext>1</mtext></msub><mo lspace=0 rspace=0>′</mo></mrow>"
         );
         assert_eq!(symbol_mathml("a<b", Mark::None), "<mi>a&lt;b</mi>");
+    }
+
+    #[test]
+    fn a_typed_law_as_people_write_it() {
+        assert_eq!(law_plain("-tau_s exp(-(v/v_s)^2) sign v"), "−τ_s exp(−(v/v_s)²) sign v");
+        assert_eq!(law_plain("-A cos(2 pi f t - psi), theta2(t)"), "−A cos(2 π f t − ψ), θ2(t)");
+        assert_eq!(law_plain("-eps t/T_record, the base's x_b"), "−ε t/T_record, the base's x_b");
     }
 }

@@ -191,6 +191,7 @@ pub const LIST: &[EffectInfo] = &[
     memory::PLAY,
     memory::LUGRE,
     forces::TONE,
+    sensors::TIME_BASE,
 ];
 
 /// Most effects at once; a bound on what a command line can ask for.

@@ -43,3 +43,15 @@ pub(super) const CHANNEL_DELAY: EffectInfo = EffectInfo {
     range: Range::between(-0.5, 0.5),
     apply: |a, _, value, _| a.delay_s += value,
 };
+
+/// The device's clock, by which samples are taken and the shaker is driven.
+pub(super) const TIME_BASE: EffectInfo = EffectInfo {
+    id: "time-base",
+    places: &[Place::Frame],
+    unit: "",
+    parameters: &[],
+    equation: "a second of the record's t lasts 1 + s seconds, the drive's period with it; every coefficient is another, \
+        so that [known] quantities contradict the record",
+    range: Range::between(-0.5, 1.0),
+    apply: |a, _, value, _| a.clock += value,
+};

@@ -84,11 +84,11 @@ impl<'a> Summary<'a> {
 
     /// Says and writes it; negative where some row's exit status is not 0.
     pub fn give(&self, out: &Output) -> Result<Answer> {
-        out.write_json(self)?;
-        out.say(&self.text());
         if let Some(path) = &out.report {
             self.page().write(path)?;
         }
+        out.write_json(self)?;
+        out.say(&self.text());
         Ok(if self.negative.is_empty() { Answer::Positive } else { Answer::Negative })
     }
 

@@ -13,6 +13,7 @@ pub const KIND: SystemKind = SystemKind {
     id: "clamped-beam",
     about: "q1 … q8, amplitudes of the linear modes (unit mean square, in √(I/A)): w⁗ + w″ₜ − ½ (∫w′²) w″ = 0, ω1 = 1; for `whirl reduce`",
     make: || Box::new(Beam::default()),
+    file: || Beam::default().file(),
 };
 
 const MODES: usize = 8;
@@ -62,6 +63,35 @@ impl Beam {
         let pull: [f64; MODES] = std::array::from_fn(|i| q.iter().zip(&self.stretch[i]).map(|(q, g)| q * g).sum());
         let square = q.iter().zip(&pull).map(|(q, p)| q * p).sum();
         (pull, square)
+    }
+
+    /// As a system file.
+    fn file(&self) -> String {
+        let stiffness: Vec<String> =
+            self.stiffness.iter().enumerate().map(|(i, k)| format!("{k:.6}*q{}^2", i + 1)).collect();
+        let mut stretch = Vec::new();
+        for i in 0..MODES {
+            // G is symmetric: what stands above its diagonal counts twice.
+            for j in (i..MODES).filter(|&j| self.stretch[i][j] != 0.0) {
+                let twice = if i == j { 1.0 } else { 2.0 };
+                stretch.push(format!("({:.6})*q{}*q{}", twice * self.stretch[i][j], i + 1, j + 1));
+            }
+        }
+        let coordinates: Vec<String> = (1..=MODES).map(|i| format!("q{i} = \"1\"")).collect();
+        let squares: Vec<String> = (1..=MODES).map(|i| format!("q{i}'^2")).collect();
+        format!(
+            "# A clamped beam that stretches, in the amplitudes of its linear modes.\n\
+             # `whirl reduce` takes m = 1, k = 1, s = 1 (dimensionless).\n\
+             name = \"clamped beam\"\n\
+             coordinates = {{ {} }}\n\
+             parameters = {{ m = \"1\", k = \"1\", s = \"1\" }}\n\
+             kinetic = \"m/2*({})\"\n\
+             potential = \"k/2*({}) + s/8*({})^2\"\n",
+            coordinates.join(", "),
+            squares.join(" + "),
+            stiffness.join(" + "),
+            stretch.join(" + ")
+        )
     }
 
     /// Deflection at the centre, where the odd modes are zero, for the amplitudes q.

@@ -10,6 +10,7 @@ pub const KIND: SystemKind = SystemKind {
     id: "chain",
     about: "x1 … x60: x_i″ = −0.3 x_i − x_i³ + 263.97 (x_{i−1} − 2x_i + x_{i+1}), ends fixed (dimensionless); for `whirl reduce`",
     make: || Box::new(Chain::default()),
+    file: || Chain::default().file(),
 };
 
 /// The system.
@@ -27,6 +28,32 @@ impl Default for Chain {
         // ω1² = ground + 2 κ (1 − cos(π/(n+1))) = 1.
         let coupling = (1.0 - ground) / (2.0 - 2.0 * (PI / (masses + 1) as f64).cos());
         Self { masses, ground, cubic, coupling }
+    }
+}
+
+impl Chain {
+    /// As a system file.
+    fn file(&self) -> String {
+        let n = self.masses;
+        let sum = |term: &dyn Fn(usize) -> String| (1..=n).map(term).collect::<Vec<_>>().join(" + ");
+        let neighbours = |i: usize| if i == 1 { "x1^2".to_owned() } else { format!("(x{i} - x{})^2", i - 1) };
+        format!(
+            "# Masses in a row between fixed ends, springs to the ground and between neighbours.\n\
+             # `whirl reduce` takes m = 1, k = {}, n = {}, c = {:.2} (dimensionless).\n\
+             name = \"chain\"\n\
+             coordinates = {{ {} }}\n\
+             parameters = {{ m = \"1\", k = \"1\", n = \"1\", c = \"1\" }}\n\
+             kinetic = \"m/2*({})\"\n\
+             potential = \"k/2*({}) + n/4*({}) + c/2*({} + x{n}^2)\"\n",
+            self.ground,
+            self.cubic,
+            self.coupling,
+            (1..=n).map(|i| format!("x{i} = \"1\"")).collect::<Vec<_>>().join(", "),
+            sum(&|i| format!("x{i}'^2")),
+            sum(&|i| format!("x{i}^2")),
+            sum(&|i| format!("x{i}^4")),
+            sum(&neighbours)
+        )
     }
 }
 

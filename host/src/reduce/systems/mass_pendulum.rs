@@ -3,13 +3,14 @@
 //! With the first equation times b22/b12 the mass matrix [[b22/b12, b22 cos θ], [b22 cos θ, 1]] is
 //! symmetric and V = ½ (b22/b12) b11 x² + b21 (1 − cos θ).
 
-use super::{Mechanical, SystemKind};
+use super::{Mechanical, SystemKind, shipped};
 
 /// Registration.
 pub const KIND: SystemKind = SystemKind {
     id: "mass-pendulum",
     about: "x (in bar lengths), theta: x″ + 500 x + ½ (θ″ cos θ − θ′² sin θ) = 0, θ″ + 245.25 sin θ + x″ cos θ = 0 (1/s²); for `whirl reduce`",
     make: || Box::new(MassPendulum::default()),
+    file: || shipped("mass-and-pendulum"),
 };
 
 /// The system.

@@ -53,10 +53,17 @@ pub struct SystemKind {
     pub about: &'static str,
     /// Makes it.
     pub make: fn() -> Box<dyn Mechanical>,
+    /// The same as a system file, its numbers as parameters: to copy and change.
+    pub file: fn() -> String,
 }
 
 /// The systems by name.
 pub static SYSTEMS: &[SystemKind] = &[two_mass::KIND, mass_pendulum::KIND, chain::KIND, beam::KIND];
+
+/// The shipped system file of a name.
+fn shipped(name: &str) -> String {
+    crate::system::library::text(name).unwrap_or_default().to_owned()
+}
 
 /// The system with this id.
 pub fn by_id(id: &str) -> Option<Box<dyn Mechanical>> {
@@ -65,7 +72,20 @@ pub fn by_id(id: &str) -> Option<Box<dyn Mechanical>> {
 
 #[cfg(test)]
 pub(crate) mod tests {
+    use std::path::Path;
+
     use super::*;
+    use crate::model::model_file::toml_place::Source;
+
+    #[test]
+    fn each_has_a_system_file_of_its_coordinates() {
+        for kind in SYSTEMS {
+            let source = Source { text: (kind.file)(), path: Path::new("s.toml").to_path_buf() };
+            let model = crate::system::model_of(source, None, 1.0).unwrap_or_else(|e| panic!("{}: {e}", kind.id));
+            let names: Vec<String> = model.coordinates.iter().map(|c| c.name.clone()).collect();
+            assert_eq!(names, (kind.make)().coordinates(), "{}", kind.id);
+        }
+    }
 
     /// The acceleration satisfies the Lagrangian's own equation, by differences of the energy along
     /// the motion, and the gradient is the potential's.

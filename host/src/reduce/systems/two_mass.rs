@@ -1,13 +1,14 @@
 //! Two masses, the first on a spring with a cubic part (the seed's (5.9)): M = 1, V = x1² + x2² −
 //! x1 x2 + x1⁴/4.
 
-use super::{Mechanical, SystemKind};
+use super::{Mechanical, SystemKind, shipped};
 
 /// Registration.
 pub const KIND: SystemKind = SystemKind {
     id: "two-mass",
     about: "x1, x2: x1″ = −2x1 + x2 − x1³, x2″ = x1 − 2x2 (dimensionless); for `whirl reduce`",
     make: || Box::new(TwoMass),
+    file: || shipped("two-masses"),
 };
 
 /// The system.

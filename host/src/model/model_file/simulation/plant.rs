@@ -122,7 +122,7 @@ impl Plant {
                 return Err(bad(
                     "initial",
                     v.to_string(),
-                    format!("{} numbers: {n} coordinates, then their rates", 2 * n),
+                    format!("{} numbers: the coordinates, then their rates", 2 * n),
                 ));
             }
         };
