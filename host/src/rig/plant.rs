@@ -5,6 +5,7 @@ use serde::de::DeserializeOwned;
 
 use super::Rig;
 use crate::error::{BadInput, Result};
+use crate::wording::toml_words;
 
 /// Parameters of the simulated double pendulum, SI. `e1` and `m1` enter as their product and in
 /// J_o1 only.
@@ -113,17 +114,20 @@ impl BasePlant {
 /// No table, or one with other keys or kinds of values.
 pub(super) fn table<T: DeserializeOwned>(rig: &Rig, example: &str) -> Result<T> {
     #[derive(Deserialize)]
-    struct File {
-        plant: Option<toml::Value>,
+    struct File<T> {
+        plant: Option<T>,
     }
-    let bad = |found: String, expected: &str| BadInput::new(found, expected).in_file(&rig.path).at("[plant]");
-    let file: File = toml::from_str(&rig.text).map_err(|e| bad(e.message().to_owned(), "a rig file"))?;
-    let value = file.plant.ok_or_else(|| {
-        bad("no [plant]".to_owned(), "the simulated rig's parameters")
-            .remedy(format!("Add a [plant] table, or use {example}"))
+    // As a part of the file, so that a wrong value is told with its line.
+    let file: File<T> = toml::from_str(&rig.text).map_err(|e| {
+        let told = toml_words::told(&e, &rig.text, "[plant]", "docs/rig-file.md");
+        let place = format!("[plant], {}", told.place.as_deref().unwrap_or_default());
+        BadInput { place: Some(place), ..told }.in_file(&rig.path)
     })?;
-    value.try_into().map_err(|e: toml::de::Error| {
-        bad(e.message().replace('\n', " "), "").remedy("Correct [plant]; its keys are listed in docs/rig-file.md")
+    file.plant.ok_or_else(|| {
+        BadInput::new("no [plant]", "the simulated rig's parameters")
+            .in_file(&rig.path)
+            .at("[plant]")
+            .remedy(format!("Add a [plant] table, or use {example}"))
     })
 }
 

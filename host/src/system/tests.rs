@@ -212,7 +212,7 @@ fn mistakes_are_told_with_their_place() {
     for (from, to, place, part) in [
         ("name = \"double pendulum\"\n", "", "line 1, column 1", "no key \"name\""),
         ("phi1 = \"angle\"", "phi1 = angle", "line 3, column 24", ""),
-        ("phi2 = \"angle\"", "phi1 = \"angle\"", "line 3, column 33", "duplicate key"),
+        ("phi2 = \"angle\"", "phi1 = \"angle\"", "line 3, column 33", "the key \"phi1\" a second time"),
         ("gravity = \"down\"", "gravity = \"up\"", "line 4, column 12", "the name \"up\""),
         ("l1 = \"m\"", "l1 = \"m^\"", "line 5, column 58", "the unit \"m^\""),
         ("a_s*sin(tau)]", "a_s*sin(tua)]", "line 8, column 36", "the name \"tua\""),
