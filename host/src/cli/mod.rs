@@ -33,6 +33,7 @@ mod reproduce;
 mod simulate;
 mod simulate_model;
 mod single;
+mod usage;
 mod validate;
 
 use std::io::Write;
@@ -307,8 +308,15 @@ const WITHOUT_REPORT: [&str; 3] = ["simulate", "init", "export"];
 
 /// Parses, runs, reports.
 pub fn main() -> ExitCode {
-    let matches = command().get_matches();
-    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
+    let parsed = command().try_get_matches().and_then(|m| Ok((Cli::from_arg_matches(&m)?, m)));
+    let (cli, matches) = match parsed {
+        Ok(parsed) => parsed,
+        Err(e) if usage::is_asked(&e) => e.exit(),
+        Err(e) => {
+            tell(usage::told(&e));
+            return ExitCode::from(2);
+        }
+    };
     progress::set_quiet(cli.quiet);
     match run(cli, &matches).and_then(|answer| output::all_said().map(|()| answer)) {
         Ok(Answer::Positive) => ExitCode::SUCCESS,
