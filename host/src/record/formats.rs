@@ -105,6 +105,15 @@ pub fn of(path: &Path) -> Result<&'static Format> {
             .at("start of file")
             .remedy("Record again, or copy the file again"));
     }
+    if is_utf16(&head) {
+        return Err(BadInput::new(
+            "text in UTF-16 (as Excel's \"Unicode Text\" and PowerShell's > write it)",
+            "text in UTF-8",
+        )
+        .in_file(path)
+        .at("start of file")
+        .remedy("Save it as UTF-8 (in Excel: CSV UTF-8), or: iconv -f UTF-16 -t UTF-8 FILE > utf8.csv"));
+    }
     let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
     let by_extension = |f: &&Format| f.extensions.iter().any(|e| name.ends_with(&format!(".{e}")));
     let by_content = FORMATS.iter().find(|f| (f.is)(&head));
@@ -128,6 +137,12 @@ pub fn of(path: &Path) -> Result<&'static Format> {
             .remedy("Export the record as CSV with a header row and a column for the time"))
         }
     }
+}
+
+/// Whether bytes are a text of two bytes a character: marked so, or Latin letters all of them.
+fn is_utf16(head: &[u8]) -> bool {
+    let latin = |k: usize| head.chunks_exact(2).take(32).all(|pair| pair[1 - k] == 0 && (9..127).contains(&pair[k]));
+    head.starts_with(&[0xff, 0xfe]) || head.starts_with(&[0xfe, 0xff]) || (head.len() >= 8 && (latin(0) || latin(1)))
 }
 
 /// Opens a record's file.

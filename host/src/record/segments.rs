@@ -311,7 +311,14 @@ pub(super) fn no_whole_row(path: &Path, rig: &Rig) -> BadInput {
 pub(super) fn unwrapped_warning(c: &Channel, modulus: f64, wraps: u64) -> Warning {
     Warning::new(
         "unwrapped",
-        format!("{} is recorded modulo {} {}: {wraps} jumps were undone", c.name, rounded(modulus, 6), c.unit),
+        format!(
+            "{} is recorded modulo {} {}: {} {} undone",
+            c.name,
+            rounded(modulus, 6),
+            if c.unit == "count" { "counts" } else { &c.unit },
+            plural(wraps, "jump"),
+            if wraps == 1 { "was" } else { "were" }
+        ),
         "Right as long as no arm turns by half of that within one sample",
     )
 }
