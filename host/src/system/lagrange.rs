@@ -39,7 +39,7 @@ pub fn without(file: &SystemFile, at: usize, e: NoDerivative) -> BadInput {
         NoDerivative::Input(k) => bad(
             format!("the measured input {} in a motion", file.words.inputs[k]),
             "inputs in forces",
-            "A drive of known frequency is a_c*cos(tau) + a_s*sin(tau) in a point; a base that is measured is not possible yet",
+            "A drive of known frequency is a_c*cos(tau) + a_s*sin(tau) in a point. For a base whose motion is measured count the points from the base and make its acceleration an input named base, a force on each body, as `whirl list models --show double-pendulum-measured-base` does; its channel has measures = \"base\"",
         ),
         NoDerivative::TooLarge => bad(
             "an energy that multiplies out to too many products".to_owned(),
