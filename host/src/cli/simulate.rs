@@ -94,8 +94,9 @@ fn plant(arguments: &Arguments, rig: &Rig, seconds: f64) -> Result<Answer> {
         &super::progress::bar("simulating", 0),
     )?;
     arguments.out.write_json(&summary)?;
+    let taken: String = crate::simulate::taken_for(&arguments.effects).iter().map(|t| format!("{t}\n")).collect();
     arguments.out.say(&format!(
-        "{} samples ({} s) in {}\n",
+        "{} samples ({} s) in {}\n{taken}",
         crate::wording::format::count(summary.samples),
         summary.seconds,
         arguments.output.display()
