@@ -115,12 +115,13 @@ fn show_effect(out: &super::output::Output, id: &str) -> Result<Answer> {
 /// Prints every effect: those that a simulated rig can have, with their parameters, then the
 /// others, then a user's.
 fn effects(out: &super::output::Output, files: &[PathBuf]) -> Result<()> {
-    let simulated = simulated(out);
+    // Read first: a file that cannot be is told alone.
     let mut own = Vec::new();
     for file in files {
         let source = toml_place::read(file, "an effect file")?;
         own.extend(crate::effects::read_more(&source, own.iter())?);
     }
+    let simulated = simulated(out);
     for e in catalogue().iter().chain(&own).filter(|e| !simulated.contains(&e.id.as_str())) {
         let place = format!("{:?}", e.at).to_lowercase();
         out.say(&format!("{:<28} {:<18} @{place:<30} {}\n", e.id, "", e.equation));

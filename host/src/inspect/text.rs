@@ -74,8 +74,14 @@ pub fn range(c: &Coordinate) -> String {
     if c.space == Space::S1 && c.greatest - c.least > 20.0 {
         format!("{} … {} turns", significant(c.least / turn, 3), significant(c.greatest / turn, 3))
     } else {
-        format!("{} … {} {}", significant(c.least, 4), significant(c.greatest, 4), c.unit)
+        let unit = if c.unit == "1" { String::new() } else { format!(" {}", c.unit) };
+        format!("{} … {}{unit}", significant(c.least, 4), significant(c.greatest, 4))
     }
+}
+
+/// A speed with the unit of its coordinate a second; a pure number has none to be shown.
+pub fn speed(value: f64, unit: &str, digits: usize) -> String {
+    format!("{} {}/s", significant(value, digits), if unit == "1" { "" } else { unit })
 }
 
 /// What was found, one sentence.
@@ -149,7 +155,7 @@ pub fn text(inspection: &Inspection) -> String {
     }
     line("motion", motion(inspection));
     for c in &inspection.coordinates {
-        let mut parts = vec![range(c), format!("rms {} {}/s", significant(c.rms_speed, 3), c.unit)];
+        let mut parts = vec![range(c), format!("rms {}", speed(c.rms_speed, &c.unit, 3))];
         if let Some(b) = c.beyond_90 {
             parts.push(format!("{} % beyond ±90°", fixed(100.0 * b, 1)));
         }
