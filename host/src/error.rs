@@ -87,6 +87,27 @@ pub fn tell(text: impl fmt::Display) {
     }
 }
 
+/// An operating system's error in words, without its number.
+pub fn io_words(error: &std::io::Error) -> String {
+    use std::io::ErrorKind;
+    // One without a number is a text of whirl's own.
+    if error.raw_os_error().is_none() {
+        return error.to_string();
+    }
+    let words = match error.kind() {
+        ErrorKind::NotFound => "No such file or folder",
+        ErrorKind::PermissionDenied => "no right to open or write it",
+        ErrorKind::StorageFull => "no space left on the disk",
+        ErrorKind::ReadOnlyFilesystem => "a disk that is not written to (read-only)",
+        ErrorKind::NotADirectory => "a file where a folder was named",
+        _ => {
+            let text = error.to_string();
+            return text.split(" (os error").next().unwrap_or(&text).to_owned();
+        }
+    };
+    words.to_owned()
+}
+
 /// Result of anything that reads what a user or a wire supplied.
 pub type Result<T> = std::result::Result<T, BadInput>;
 
@@ -131,7 +152,7 @@ impl BadInput {
 
     /// An operating system's error on a file.
     pub fn io(file: impl AsRef<Path>, error: &std::io::Error) -> Self {
-        Self::new(error.to_string(), "").in_file(file)
+        Self::new(io_words(error), "").in_file(file)
     }
 }
 
@@ -167,6 +188,16 @@ mod tests {
         assert_eq!(plain("a\u{1b}[2J\r\n\tb\u{7f}\u{9b}\u{202e}c"), "a\\u{1b}[2J\\r\\n\\tb\\u{7f}\\u{9b}\\u{202e}c");
         assert_eq!(plain("θ1 ± 0.5 µm — “ü” …"), "θ1 ± 0.5 µm — “ü” …");
         assert_eq!(plain_lines("a\u{7}\nb\n"), "a\\u{7}\nb\n");
+    }
+
+    #[test]
+    fn an_operating_systems_error_has_no_number() {
+        let e = std::fs::read("/no/such/file").unwrap_err();
+        assert_eq!(BadInput::io("x.csv", &e).to_string(), "x.csv: No such file or folder");
+        for number in [13, 28, 110, 111] {
+            assert!(!io_words(&std::io::Error::from_raw_os_error(number)).contains("os error"), "{number}");
+        }
+        assert_eq!(io_words(&std::io::Error::other("no answer")), "no answer");
     }
 
     #[test]

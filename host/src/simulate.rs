@@ -34,6 +34,27 @@ pub struct Summary {
     pub effects: Vec<String>,
 }
 
+/// What was taken for parameters that the texts of effects leave out, a sentence for each effect.
+pub fn taken_for(texts: &[String]) -> Vec<String> {
+    let one = |text: &String| {
+        let effect = Effect::parse(text).ok()?;
+        let given: Vec<&str> = text.split(',').skip(1).filter_map(|p| Some(p.split_once('=')?.0.trim())).collect();
+        let open = effect.info.parameters.iter().zip(&effect.parameters).filter(|(p, _)| !given.contains(&p.name));
+        let list: Vec<String> = open
+            .map(|(p, (name, value))| match p.unit {
+                "" | "1" => format!("{name} = {value}"),
+                unit => format!("{name} = {value} {unit}"),
+            })
+            .collect();
+        let at = format!("{}@{}", effect.info.id, effect.place.name());
+        (!list.is_empty()).then(|| format!("{at} was put in with {}, which --effect does not say", list.join(", ")))
+    };
+    texts.iter().filter_map(one).collect()
+}
+
+/// Most counts a turn of a simulated encoder, 2²⁰.
+const MOST_COUNTS: u32 = 1_048_576;
+
 /// The nominal rig of a `[plant]`.
 pub fn parameters(plant: &Plant) -> Parameters {
     Parameters {
@@ -67,9 +88,6 @@ pub fn effects(texts: &[String]) -> Result<Vec<Effect>> {
         .collect()
 }
 
-/// Most counts a turn of a simulated encoder.
-const MOST_COUNTS: u32 = 1 << 20;
-
 /// Counts a turn of both encoders, and what encoder 2 is fixed to.
 ///
 /// # Errors
@@ -93,16 +111,25 @@ pub fn encoders(rig: &Rig) -> Result<([u32; 2], SecondEncoder)> {
         "phi2" => SecondEncoder::Absolute,
         other => return Err(bad(format!("\"{other}\" second"), "theta2 or phi2")),
     };
-    let finer = list.iter().find(|c| c.counts_per_turn.is_some_and(|n| n > MOST_COUNTS));
-    if let (Some(c), Some(n)) = (finer, finer.and_then(|c| c.counts_per_turn)) {
-        return Err(BadInput::new(n.to_string(), format!("at most {MOST_COUNTS} for a simulated encoder"))
-            .in_file(&rig.path)
-            .at(format!("channel \"{}\": counts_per_turn", c.name))
-            .remedy("Simulate a coarser encoder; records may have finer ones"));
-    }
     match (first.counts_per_turn, second.counts_per_turn) {
-        (Some(a), Some(b)) => Ok(([a, b], fixed_to)),
+        (Some(a), Some(b)) => {
+            list.iter().try_for_each(|c| simulated_turn(rig, c))?;
+            Ok(([a, b], fixed_to))
+        }
         _ => Err(bad("a unit other than \"count\"".to_owned(), "unit = \"count\" for both")),
+    }
+}
+
+/// Refuses an encoder of more counts a turn than a simulated one has.
+fn simulated_turn(rig: &Rig, channel: &Channel) -> Result<()> {
+    match channel.counts_per_turn {
+        Some(n) if n > MOST_COUNTS => {
+            Err(BadInput::new(n.to_string(), format!("1 to {MOST_COUNTS} for an encoder that is simulated"))
+                .in_file(&rig.path)
+                .at(format!("channel \"{}\", counts_per_turn", channel.name))
+                .remedy("Simulate with fewer counts a turn; records of more are read"))
+        }
+        _ => Ok(()),
     }
 }
 
@@ -196,6 +223,7 @@ pub fn settings(rig: &Rig, effect_texts: &[String], seconds: f64, seed: u64) -> 
 /// A rig whose only channel is not an encoder in counts.
 fn single_encoder(rig: &Rig) -> Result<u32> {
     let list: Vec<&Channel> = rig.channel.iter().filter(|c| c.measures != BASE).collect();
+    list.iter().try_for_each(|c| simulated_turn(rig, c))?;
     match list[..] {
         [only] if ["theta1", "phi1"].contains(&only.measures.as_str()) => only.counts_per_turn,
         _ => None,
@@ -283,6 +311,16 @@ mod tests {
     use super::*;
     use crate::record::{Column, ReadOptions, Record};
     use crate::rig::choices::Choices;
+
+    #[test]
+    fn what_the_text_of_an_effect_leaves_out_is_told() {
+        let told = |text: &str| taken_for(&[text.to_owned()]);
+        let all = told("cogging@joint1=1e-4").concat();
+        assert!(all.starts_with("cogging@joint1 was put in with n = 6, psi = 0"), "{all}");
+        let psi = told("cogging@joint1=1e-4, n=7").concat();
+        assert!(psi.contains("psi = 0") && !psi.contains("n = "), "{psi}");
+        assert!(told("cogging@joint1=1e-4,n=7,psi=0.1").is_empty() && told("quadratic-drag@arm2=2e-6").is_empty());
+    }
 
     /// What a rig of this text simulates, read back with the same text.
     fn simulated(text: &str, ending: &str) -> Record {

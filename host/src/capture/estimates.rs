@@ -135,7 +135,7 @@ impl DeviceEstimate {
     /// In a few words, for a progress line.
     pub fn brief(&self) -> String {
         match self.parameters.iter().find(|p| p.name == "B21") {
-            Some(p) => format!("device: B21 {}", plus_minus(p.value, Z95 * p.std_error)),
+            Some(p) => format!("device: B21 {} (95 %)", plus_minus(p.value, Z95 * p.std_error)),
             None => match self.status {
                 Status::TooFewWindows => "device: too few windows yet".to_owned(),
                 _ => "device: not identifiable".to_owned(),
@@ -151,7 +151,7 @@ impl DeviceEstimate {
         }
         let condition: Vec<String> = self.condition.iter().map(|c| format!("{c:.2}")).collect();
         let mut text = format!(
-            "the device's own estimate at {:.1} s (windows of {:.3} s, each forgotten by {} after the next; condition {}):\n",
+            "the device's own estimate at {:.1} s (windows of {:.3} s, each forgotten by {} after the next; condition {}; ± is 95 %):\n",
             self.t,
             self.window_s,
             self.forgetting,

@@ -23,7 +23,7 @@ use super::sieve::Sieve;
 use super::source::{Link, Source};
 use super::stall::Stall;
 use super::{CaptureOutcome, CaptureSettings, Progress};
-use crate::error::{BadInput, Result, plain};
+use crate::error::{BadInput, Result, io_words, plain};
 use crate::rig::Rig;
 use crate::warning::Warning;
 
@@ -113,7 +113,7 @@ pub(super) fn run(
     }
     let link = source
         .open()
-        .map_err(|e| BadInput::new(e.to_string(), "a device").in_file(&settings.from).remedy(source.remedy()))?;
+        .map_err(|e| BadInput::new(io_words(&e), "a device").in_file(&settings.from).remedy(source.remedy()))?;
     let (journal, noticed) = if going_on {
         (interrupted::take_up(&mut recorder, &settings.output)?, interrupted::noticed(settings, &recorder))
     } else {
@@ -305,7 +305,7 @@ impl Session<'_> {
                     self.lose("no good frame came any more".to_owned(), now);
                 }
             }
-            Err(e) => self.lose(e.to_string(), now),
+            Err(e) => self.lose(io_words(&e), now),
         }
         Ok(())
     }
@@ -325,7 +325,7 @@ impl Session<'_> {
         }
         self.retry = (now + self.retry.1, (self.retry.1 * 2).min(Duration::from_secs(2)));
         match self.source.open() {
-            Err(e) => self.lost_because = plain(&e.to_string()),
+            Err(e) => self.lost_because = plain(&io_words(&e)),
             Ok(link) => {
                 self.link = Some(link);
                 self.reopened = true;

@@ -17,7 +17,7 @@ use super::gate::Gate;
 use super::live::numbers_from;
 use super::no_device::{Heard, Wire};
 use super::source::{self, Link, Source};
-use crate::error::{BadInput, Result, plain};
+use crate::error::{BadInput, Result, io_words, plain};
 use crate::rig::Rig;
 
 /// Time between two requests of one thing.
@@ -55,8 +55,7 @@ impl Talk {
                 .remedy("A file answers nothing"));
         }
         let opened = source.open();
-        let link =
-            opened.map_err(|e| BadInput::new(e.to_string(), "a device").in_file(from).remedy(source.remedy()))?;
+        let link = opened.map_err(|e| BadInput::new(io_words(&e), "a device").in_file(from).remedy(source.remedy()))?;
         let first = if source.is_simulated() { 0 } else { numbers_from() };
         let mut commands = Commands::new(first);
         commands.reconnected(source.now());
@@ -92,7 +91,7 @@ impl Talk {
             Err(e) if matches!(e.kind(), ErrorKind::TimedOut | ErrorKind::WouldBlock | ErrorKind::Interrupted) => {
                 return Vec::new();
             }
-            Err(e) => return self.lose(&e.to_string()),
+            Err(e) => return self.lose(&io_words(&e)),
         };
         self.bytes += n as u64;
         self.heard.bytes += n as u64;
@@ -126,7 +125,7 @@ impl Talk {
                 self.decoder = Decoder::new();
                 self.commands.reconnected(self.source.now());
             }
-            Err(e) => self.lost_because = plain(&e.to_string()),
+            Err(e) => self.lost_because = plain(&io_words(&e)),
         }
     }
 

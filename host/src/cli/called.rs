@@ -12,13 +12,9 @@ use crate::said;
 /// Options that say how something is printed, and with how many threads it is done.
 const OF_PRINTING: [&str; 5] = ["help", "version", "quiet", "threads", "json"];
 
-/// As a program that calls sees it, without clap's "error: " and its hint at `--help`.
+/// As a program that calls sees it.
 fn usage(error: &clap::Error) -> Error {
-    let text = error.render().to_string();
-    let text = text.strip_prefix("error: ").unwrap_or(&text);
-    Error::Usage(
-        text.split("\n\nUsage:").next().and_then(|t| t.split("\n\nFor more").next()).unwrap_or(text).to_owned(),
-    )
+    Error::Usage(super::usage::told(error).to_string())
 }
 
 fn parse(words: &[OsString]) -> Result<Command> {

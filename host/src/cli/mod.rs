@@ -33,6 +33,7 @@ mod reproduce;
 mod simulate;
 mod simulate_model;
 mod single;
+mod usage;
 mod validate;
 
 use std::io::Write;
@@ -313,8 +314,15 @@ const WITHOUT_REPORT: [&str; 5] = ["simulate", "init", "export", "list", "flash"
 
 /// Parses, runs, reports.
 pub fn main() -> ExitCode {
-    let matches = command().try_get_matches().unwrap_or_else(|e| misused(&e));
-    let cli = Cli::from_arg_matches(&matches).unwrap_or_else(|e| e.exit());
+    let parsed = command().try_get_matches().and_then(|m| Ok((Cli::from_arg_matches(&m)?, m)));
+    let (cli, matches) = match parsed {
+        Ok(parsed) => parsed,
+        Err(e) if usage::is_asked(&e) => e.exit(),
+        Err(e) => {
+            tell(usage::told(&e));
+            return ExitCode::from(2);
+        }
+    };
     progress::set_quiet(cli.quiet);
     match run(cli, &matches).and_then(|answer| output::all_said().map(|()| answer)) {
         Ok(Answer::Positive) => ExitCode::SUCCESS,
@@ -326,19 +334,6 @@ pub fn main() -> ExitCode {
             ExitCode::from(2)
         }
     }
-}
-
-/// Ends as the parser does; where a rig file is missing it is said how one comes about.
-fn misused(error: &clap::Error) -> ! {
-    let missing = error.kind() == clap::error::ErrorKind::MissingRequiredArgument;
-    let text = error.to_string();
-    // What says the error first may lead to a terminal that is gone.
-    if missing && text.contains("--rig <RIG.toml>") && text.find("--rig") < text.find("Usage:") {
-        let _ = error.print();
-        let _ = writeln!(std::io::stderr(), "\nA rig file is written from a record: whirl init REC -o RIG.toml");
-        std::process::exit(2);
-    }
-    error.exit()
 }
 
 fn run(cli: Cli, matches: &ArgMatches) -> Result<Answer> {

@@ -96,7 +96,8 @@ fn plant(arguments: &Arguments, rig: &Rig, seconds: f64) -> Result<Answer> {
         &super::progress::bar("simulating", 0),
     )?;
     arguments.out.write_json_with(&summary, &[])?;
-    arguments.out.say(&said(&summary, &arguments.output));
+    let taken: String = crate::simulate::taken_for(&arguments.effects).iter().map(|t| format!("{t}\n")).collect();
+    arguments.out.say(&format!("{}{taken}", said(&summary, &arguments.output)));
     Ok(Answer::Positive)
 }
 

@@ -208,10 +208,16 @@ pub fn of(
                 ([], At::Arm) => "a system with an arm: a body that has an angle (docs/effects.md)".to_owned(),
                 ([], At::Drive) => "a system with a drive".to_owned(),
                 ([], At::Input) => "a system with a measured input".to_owned(),
-                ([], _) => "a system that has such a place".to_owned(),
+                ([], At::Encoder) if entry.turning => "a system with a channel that shows an angle".to_owned(),
+                // Against the first channel nothing is late.
+                ([], At::Encoder) => {
+                    "a system with a second channel of a motion, whose delay against the first shows".to_owned()
+                }
+                ([], At::Joint) => "a system with a joint, or a coordinate with an equation of its own".to_owned(),
+                ([], At::Frame) => "a system whose frame may move: bodies under gravity".to_owned(),
                 (names, _) => format!("one of {}", names.join(", ")),
             };
-            return Err(bad(text, format!("\"{}\"", given.at), names));
+            return Err(bad(text, format!("the place \"{}\"", given.at), names));
         };
         let open = match place {
             Place::Joint(_) if places.is_some() && entry.names(LOAD) => {

@@ -8,6 +8,7 @@ use super::presentation::method_name;
 use crate::explain::card::equations;
 use crate::report::card::{Card, CardRow};
 use crate::rig::Rig;
+use crate::system::library::Pendulum;
 use crate::warning::Warning;
 use crate::wording::format::{Z95, count, significant};
 use crate::wording::names;
@@ -40,11 +41,15 @@ fn cause(result: &Identification) -> Option<&Warning> {
 /// What was identified, how well, and whether it stands.
 fn sentence(result: &Identification) -> String {
     let how = format!("{} samples by {}", count(result.record.samples as u64), method_name(&result.method));
-    let system = result.model.replace('-', " ");
+    // A name that a person gave stands as it is.
+    let system = match Pendulum::named(&result.model) {
+        Some(_) => format!("The {}", result.model.replace('-', " ")),
+        None => format!("The system \"{}\"", result.model),
+    };
     if let Some(w) = cause(result) {
         let text = names::inside(w.text.trim_end_matches('.'));
         let advice = if w.advice.is_empty() { String::new() } else { format!(" {}.", w.advice.trim_end_matches('.')) };
-        return format!("This answer cannot stand: {text}.{advice} (The {system} was fitted to {how}.)");
+        return format!("This answer cannot stand: {text}.{advice} ({system} was fitted to {how}.)");
     }
     let (names, values): (Vec<String>, Vec<f64>) = result.parameters.iter().map(|p| (p.name.clone(), p.value)).unzip();
     // Of a part that is zero (the drive's off phase, gravity across an arm) the whole tells how
@@ -69,7 +74,7 @@ fn sentence(result: &Identification) -> String {
     } else {
         "and its equations describe the record".to_owned()
     };
-    format!("The {system} was identified from {how}{precision}, {stands}.")
+    format!("{system} was identified from {how}{precision}, {stands}.")
 }
 
 /// Whether several coefficients whose errors are correlated are each known all the same.

@@ -9,8 +9,10 @@ use crate::model::damping::Damping;
 use crate::model::double_pendulum::{Base, DAMPINGS, coefficients};
 use crate::model::identified::{IdentifiedModel, System};
 use crate::model::model_file::ModelFile;
+use crate::model::model_file::toml_place::MODEL_PAGE;
 use crate::rig::Rig;
 use crate::system::library::Pendulum;
+use crate::wording::toml_words;
 
 /// The identified coefficients as a model file; derived and physical parameters stay with the
 /// identification.
@@ -45,8 +47,9 @@ pub fn identified_model(result: &Identification, rig: &Rig) -> Result<Identified
 
 /// The keys that define a system of one's own.
 pub fn own_keys(model: &ModelFile) -> Result<toml::Table> {
-    let table: toml::Table = toml::from_str(&model.source.text)
-        .map_err(|e| BadInput::new(e.message().to_owned(), "a model file").in_file(&model.source.path))?;
+    let table: toml::Table = toml::from_str(&model.source.text).map_err(|e| {
+        toml_words::told(&e, &model.source.text, "a model file", MODEL_PAGE).in_file(&model.source.path)
+    })?;
     Ok(table.into_iter().filter(|(k, _)| ["coordinates", "inputs", "time", "equation"].contains(&k.as_str())).collect())
 }
 

@@ -109,7 +109,29 @@ pub(super) fn look(raw: &Raw) -> Vec<Seen> {
     let columns = raw.record.channels.iter().enumerate();
     let mut all: Vec<Seen> = columns.map(|(i, c)| one(&c.name, i, &raw.values(i))).collect();
     as_beside(&mut all);
+    as_alike(&mut all);
     all
+}
+
+/// Whether two columns are called alike but for their numbers: theta1 and theta2.
+pub(super) fn alike(a: &str, b: &str) -> bool {
+    let letters = |name: &str| {
+        let base = names::split(name).0.to_lowercase();
+        base.chars().filter(|c| c.is_alphabetic()).collect::<String>()
+    };
+    !letters(a).is_empty() && letters(a) == letters(b)
+}
+
+/// Gives angles of no known unit that are called alike one unit.
+fn as_alike(all: &mut [Seen]) {
+    let in_degrees: Vec<String> =
+        all.iter().filter(|s| s.is_unit_open && s.unit == "deg").map(|s| s.name.clone()).collect();
+    for s in all.iter_mut().filter(|s| s.is_unit_open && s.unit == "rad") {
+        let Some(other) = in_degrees.iter().find(|name| alike(name, &s.name)) else { continue };
+        s.unit = "deg";
+        let why = format!("its name says an angle, and the values of {other}, which is called alike, go far");
+        s.why = vec![Statement::new(&s.name, "an angle in deg", why).unsure()];
+    }
 }
 
 /// Takes angles of no known unit for what the others of the record are in: how far a value goes

@@ -296,6 +296,12 @@ pub fn columns_of(path: &Path, settings: &Settings) -> Result<Record> {
 fn nothing_to_measure(raw: &Raw, seen: &[Seen]) -> BadInput {
     let list: Vec<String> = seen.iter().map(|s| format!("{} ({})", s.name, s.kind.words())).collect();
     let left: Vec<String> = raw.unused.iter().map(|s| format!("{}: {}", s.of, s.why)).collect();
+    if let Some(twice) = raw.unused.iter().find(|s| list.is_empty() && s.why.contains("columns have this name")) {
+        return BadInput::new(format!("{}: {}", twice.of, twice.why), "columns with a name each")
+            .in_file(&raw.path)
+            .at("header")
+            .remedy("Give each column a name of its own in the header, such as theta1 and theta2");
+    }
     let found = match (list.is_empty(), left.is_empty()) {
         (true, true) => "no column of numbers but the time".to_owned(),
         (true, false) => format!("no column of numbers but the time ({})", left.join("; ")),

@@ -5,9 +5,10 @@
 //! wrong ([`crate::identify::suspects`]). Where two readings fit alike, nothing is decided and the
 //! statement is one to check.
 
-use super::columns::{Seen, UNITS};
+use super::columns::{self, Seen, UNITS};
 use super::counts::likely;
 use super::look::{Look, Tried};
+use super::system::arm;
 use super::{Draft, DraftChannel, DraftDrive, Settings, Statement};
 use crate::error::{BadInput, Result};
 use crate::identify::suspects::{self, Footing};
@@ -25,6 +26,11 @@ const FEW_PERIODS: f64 = 60.0;
 /// By how much less a reading with a drive must leave than all without, in ln(residual/noise
 /// power): ten times less power.
 const DRIVEN: f64 = 2.3;
+/// The same where no more is left than a third above the noise's power: a drive that is none takes
+/// something away, yet not all of what equations miss. A short record of a fast motion shows no more
+/// of its drive.
+const TO_NOISE: f64 = 0.7;
+const NOISE: f64 = 0.3;
 /// By how much less the best reading must leave, in ln(residual/noise power).
 const CLEARLY: f64 = 0.15;
 /// The same of a drive's frequency, half the residual (by hand): terms at a line of the motion take
@@ -71,7 +77,8 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
     let mut is_founded = true;
     // A drive adds terms, which take something away even where there is none.
     let at_rest = tried.iter().find(|t| t.draft.drive.is_none()).map_or(f64::INFINITY, |t| t.left);
-    if at_rest - tried[0].left < DRIVEN {
+    let is_noise = tried[0].left < NOISE;
+    if at_rest - tried[0].left < if is_noise { TO_NOISE } else { DRIVEN } {
         tried.retain(|t| t.draft.drive.is_none());
         if may_hide && draft.pendulum().is_some() && at_rest > FREE {
             // A free motion would die away; one that repeats after the drive's periods says nothing
@@ -81,6 +88,14 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
             // What leaves least of readings that all lack the drive is no better founded than that.
             is_founded = false;
         }
+    }
+    let said = said(draft).filter(|_| draft.pendulum() == Some(Pendulum::Double) && settings.choices.map.is_empty());
+    let as_said = |d: &Draft| said.is_some_and(|said| d.channels.iter().zip(said).all(|(c, m)| c.measures == m));
+    // Equations that fit no reading say nothing against a name.
+    if (!is_founded || tried[0].left > FITS)
+        && let Some(k) = tried.iter().position(|t| as_said(&t.draft))
+    {
+        tried[..=k].rotate_right(1);
     }
     let best = tried[0].draft.clone();
     let left = tried[0].left;
@@ -111,7 +126,8 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
         tell_unit(&mut draft.channels[*k], founded(by));
     }
     if measures.is_finite() {
-        tell_measures(draft, measures, is_founded, &rival);
+        let by_name = said.is_some() && as_said(draft);
+        tell_measures(draft, measures, is_founded, &rival, by_name);
     }
     if of_line.is_finite() || found_here && is_guess {
         tell_drive(draft, of_line, is_guess, &rivals);
@@ -152,6 +168,19 @@ struct Open {
 }
 
 impl Open {
+    /// Channels whose unit is open, those together that are called alike: they have one.
+    fn alike(&self, draft: &Draft) -> Vec<Vec<usize>> {
+        let mut out: Vec<Vec<usize>> = Vec::new();
+        for k in &self.units {
+            let name = |k: usize| draft.channels[k].name.as_str();
+            match out.iter_mut().find(|group| columns::alike(name(group[0]), name(*k))) {
+                Some(group) => group.push(*k),
+                None => out.push(vec![*k]),
+            }
+        }
+        out
+    }
+
     fn of(draft: &Draft, seen: &[Seen]) -> Self {
         let all = |is_open: &dyn Fn(&Seen) -> bool| {
             let of = |c: &DraftChannel| seen.iter().any(|s| s.name == c.name && is_open(s));
@@ -166,14 +195,16 @@ fn readings(draft: &Draft, open: &Open, settings: &Settings, possible: &[DraftDr
     let mut out = vec![draft.clone()];
     if draft.pendulum() == Some(Pendulum::Double) && settings.choices.map.is_empty() {
         let orders = [["theta1", "theta2"], ["phi1", "phi2"], ["theta2", "theta1"], ["phi2", "phi1"]];
-        out = orders.iter().map(|order| measuring(draft, order)).collect();
+        // Columns that are called after the arms are not exchanged.
+        let possible = if said(draft).is_some() { &orders[..2] } else { &orders[..] };
+        out = possible.iter().map(|order| measuring(draft, order)).collect();
     }
     let drives = possible.iter().flat_map(|d| drives_of(draft, d)).map(Some).chain([draft.drive.clone()]);
     let with_drive =
         |drive: Option<DraftDrive>| out.iter().map(|d| Draft { drive: drive.clone(), ..d.clone() }).collect::<Vec<_>>();
     out = drives.flat_map(with_drive).collect();
-    for k in &open.units {
-        let each = |d: &Draft| UNITS.map(|unit| in_unit(d, *k, unit));
+    for group in open.alike(draft) {
+        let each = |d: &Draft| UNITS.map(|unit| in_unit(d, &group, unit));
         out = out.iter().flat_map(each).collect();
     }
     if open.counts.is_empty() {
@@ -202,10 +233,21 @@ fn drives_of(draft: &Draft, d: &DraftDrive) -> Vec<DraftDrive> {
     vec![drive(once, 1.0), drive(Direction::Vertical, 2.0)]
 }
 
-fn in_unit(draft: &Draft, k: usize, unit: &str) -> Draft {
+fn in_unit(draft: &Draft, group: &[usize], unit: &str) -> Draft {
     let mut d = draft.clone();
-    unit.clone_into(&mut d.channels[k].unit);
+    group.iter().for_each(|k| unit.clone_into(&mut d.channels[*k].unit));
     d
+}
+
+/// What the columns' names say that they measure of two arms; none where not all of them do.
+fn said(draft: &Draft) -> Option<[&'static str; 2]> {
+    match &draft.channels[..] {
+        [a, b] => match (arm(&a.name)?, arm(&b.name)?) {
+            (first @ ("theta1" | "phi1"), second @ ("theta2" | "phi2")) => Some([first, second]),
+            _ => None,
+        },
+        _ => None,
+    }
 }
 
 fn measuring(draft: &Draft, order: &[&str]) -> Draft {
@@ -272,14 +314,16 @@ fn otherwise(draft: &Draft) -> String {
     format!("{columns} ({options})")
 }
 
-fn tell_measures(draft: &mut Draft, by: f64, is_founded: bool, rival: &str) {
+fn tell_measures(draft: &mut Draft, by: f64, is_founded: bool, rival: &str, by_name: bool) {
     for c in &mut draft.channels {
         let what = match c.measures.as_str() {
             "theta1" | "phi1" => "the angle of arm 1",
             "theta2" => "the angle of arm 2 relative to arm 1",
             _ => "the absolute angle of arm 2",
         };
-        c.why.push(if !is_founded {
+        c.why.push(if by_name && (!is_founded || by <= 0.0) {
+            Statement::new(&c.name, what, "its name says so")
+        } else if !is_founded {
             let why = "the equations of motion without a drive leave least so, yet do not fit; say the drive with --drive-hz HZ, or which column is which with --map theta1=COLUMN --map theta2=COLUMN";
             Statement::new(&c.name, what, why).unsure()
         } else if by > CLEARLY {

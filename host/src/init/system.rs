@@ -230,7 +230,8 @@ fn assign<'a>(raw: &Raw, seen: &'a [Seen], needs: &mut Needs, settings: &Setting
         .filter(|s| !out.iter().flatten().any(|o| o.index == s.index))
         .collect();
     for (k, need) in needs.list.iter().enumerate().filter(|(k, _)| out[*k].is_none()).collect::<Vec<_>>() {
-        if let Some(i) = free.iter().position(|s| same_name(&s.name, &need.name) && !need.refuses(s)) {
+        let called = |f: fn(&str, &str) -> bool| free.iter().position(|s| f(&s.name, &need.name) && !need.refuses(s));
+        if let Some(i) = called(same_name).or_else(|| called(same_arm)) {
             out[k] = Some(free.remove(i));
         }
     }
@@ -274,6 +275,21 @@ fn assign<'a>(raw: &Raw, seen: &'a [Seen], needs: &mut Needs, settings: &Setting
 fn same_name(column: &str, need: &str) -> bool {
     let base = crate::record::names::split(column).0;
     base.eq_ignore_ascii_case(need)
+}
+
+/// Whether a column is called after the arm that a channel of a built-in system shows: `phi1`,
+/// `Theta 1` for theta1.
+fn same_arm(column: &str, need: &str) -> bool {
+    need.starts_with("theta") && arm(column).is_some_and(|said| said.replace("phi", "theta") == need)
+}
+
+/// What a column's name says of an arm's angle: theta1, theta2 (relative), phi1, phi2 (absolute),
+/// in any spelling; none where it says another thing.
+pub(super) fn arm(column: &str) -> Option<&'static str> {
+    let base = crate::record::names::split(column).0.to_lowercase();
+    let letters = base.replace('θ', "theta").replace(['φ', 'ϕ'], "phi");
+    let plain: String = letters.chars().filter(|c| c.is_alphanumeric()).collect();
+    ["theta1", "theta2", "phi1", "phi2"].into_iter().find(|name| *name == plain)
 }
 
 fn has_word(column: &str, need: &str) -> bool {

@@ -8,6 +8,7 @@ pub mod drive_check;
 pub mod motion;
 pub mod periodicity;
 pub mod plots;
+pub mod standing_line;
 pub mod summary;
 pub mod text;
 
@@ -211,6 +212,7 @@ pub fn motion_of(record: &Record, rig: &Rig, settings: &InspectSettings) -> Resu
     let mut warnings = record.warnings.clone();
     warnings.extend(restarted);
     warnings.extend(notices(&summary, &coordinates, drive.as_ref(), &periodicity));
+    warnings.extend(standing_line::not_stated(record, rig));
     let repeats = matches!(periodicity.kind, Kind::Periodic | Kind::LocksLater | Kind::AtRest);
     let (phase_space, noticed) =
         survey::survey(record, &motions, &coordinates, drive_hz, repeats, &settings.phase_space);

@@ -78,6 +78,11 @@ pub fn range(c: &Coordinate) -> String {
     }
 }
 
+/// A speed with the unit of its coordinate a second; a pure number has none to be shown.
+pub fn speed(value: f64, unit: &str, digits: usize) -> String {
+    format!("{} {}/s", significant(value, digits), if unit == "1" { "" } else { unit })
+}
+
 /// What was found, one sentence.
 pub fn sentence(inspection: &Inspection) -> String {
     let r = &inspection.record;
@@ -149,7 +154,7 @@ pub fn text(inspection: &Inspection) -> String {
     }
     line("motion", motion(inspection));
     for c in &inspection.coordinates {
-        let mut parts = vec![range(c), format!("rms {} {}/s", significant(c.rms_speed, 3), c.unit)];
+        let mut parts = vec![range(c), format!("rms {}", speed(c.rms_speed, &c.unit, 3))];
         if let Some(b) = c.beyond_90 {
             parts.push(format!("{} % beyond ±90°", fixed(100.0 * b, 1)));
         }

@@ -17,9 +17,11 @@ use serde::Serialize;
 use toml::{Table, Value};
 
 use crate::error::{BadInput, Result};
+use crate::model::model_file::toml_place::MODEL_PAGE;
 use crate::model::parameter::Parameter;
 use crate::model::refused;
 use crate::system::library::Pendulum;
+use crate::wording::toml_words;
 
 /// Which equations the parameters belong to.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -216,10 +218,8 @@ impl IdentifiedModel {
     /// # Errors
     /// As [`IdentifiedModel::read`], without the file.
     pub fn parse(source: &str) -> Result<Self> {
-        let mut table: Table = toml::from_str(source).map_err(|e: toml::de::Error| {
-            let line = e.span().map_or(0, |s| source.get(..s.start).unwrap_or("").matches('\n').count() + 1);
-            BadInput::new(e.message().replace('\n', " ").trim().to_owned(), "").at(format!("line {line}"))
-        })?;
+        let mut table: Table =
+            toml::from_str(source).map_err(|e| toml_words::told(&e, source, "an identified model", MODEL_PAGE))?;
         refused::other_file(&table)?;
         match table.remove("format") {
             None | Some(Value::Integer(FORMAT)) => {}

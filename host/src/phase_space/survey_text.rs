@@ -38,6 +38,7 @@ pub fn text(space: &PhaseSpace) -> String {
             (Some(v), Some(e)) => format!(", {} a drive period", plus_minus(v, Z95 * e)),
             _ => String::new(),
         };
+        let period = format!("{period} (± is 95 %)");
         // The slope of the divergence curve lies low where it saturates early; its scatter does not
         // show that.
         let divergence = match (l.divergence_per_second, l.fit_window_s) {
@@ -54,7 +55,10 @@ pub fn text(space: &PhaseSpace) -> String {
         line("exponent", format!("{} /s{period}{divergence}", plus_minus(l.per_second, Z95 * l.std_error)));
     }
     if let Some(d) = space.correlation_dimension.as_ref().filter(|d| d.dimension.is_some()) {
-        line("attractor", format!("dimension {}", plus_minus(d.dimension.unwrap_or(0.0), Z95 * d.std_error)));
+        line(
+            "attractor",
+            format!("dimension {} (± is 95 %)", plus_minus(d.dimension.unwrap_or(0.0), Z95 * d.std_error)),
+        );
     }
     if let Some(o) = &space.orbits {
         let periods: Vec<String> = o.orbits.iter().take(12).map(|o| o.period.to_string()).collect();

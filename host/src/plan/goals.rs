@@ -95,7 +95,7 @@ impl Limits {
     /// Names the file, the key, the value and what was expected.
     pub fn read(path: &Path) -> Result<Self> {
         let text = files::read_text(path, "a limits file", "Name a file with lines such as frequency_hz = [2.0, 8.0]")?;
-        let out: Self = typed(&text, path, ["limits file", "docs/plan.md"])?;
+        let out: Self = typed(&text, path, ["a limits file", "docs/plan.md"])?;
         let ranges = [
             ("frequency_hz", out.frequency_hz),
             ("amplitude_m", out.amplitude_m),

@@ -73,7 +73,7 @@ impl PlanFile {
             let remedy = "Make the plan again with `whirl plan -o`, or correct it (docs/plan.md)";
             BadInput::new(found, expected).in_file(path).at(at.to_owned()).remedy(remedy)
         };
-        let out: Self = typed(&text, path, ["plan", "docs/plan.md"])?;
+        let out: Self = typed(&text, path, ["a plan", "docs/plan.md"])?;
         if out.format != 1 {
             return Err(bad(out.format.to_string(), "1", "format"));
         }

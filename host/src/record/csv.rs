@@ -36,11 +36,15 @@ use crate::capture::interrupted::ticks_behind;
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 use crate::warning::Warning;
+use crate::wording::format::several;
 
 /// Whole numbers up to which binary64 holds each.
 pub(super) const EXACT: f64 = 9_007_199_254_740_992.0;
 /// Columns that only whirl's own CSV has.
 pub(super) const OWN_COLUMNS: [&str; 3] = ["tick", "phase", "amplitude_nm"];
+
+/// How many times as large as the number above it one is whose exponent was cut off.
+const LEAP: f64 = 100.0;
 
 pub(super) const FORMAT: Format = Format {
     id: "csv",
@@ -101,8 +105,6 @@ struct Reader<'a, R> {
     path: &'a Path,
     recover: bool,
     ended: bool,
-    /// Length of the last cell of the row before.
-    last_cell: usize,
     warnings: Vec<Warning>,
 }
 
@@ -127,7 +129,7 @@ impl<'a, R: BufRead> Reader<'a, R> {
         }
         let row = Row { t: 0.0, tick: None, cells: Vec::with_capacity(layout.channels.len()), own: (0, 0, 0) };
         let recover = options.recover;
-        Ok(Self { lines, cells: Cells::default(), layout, row, path, recover, ended: false, last_cell: 0, warnings })
+        Ok(Self { lines, cells: Cells::default(), layout, row, path, recover, ended: false, warnings })
     }
 
     fn read(mut self, rig: &Rig, options: &ReadOptions) -> Result<Record> {
@@ -135,6 +137,27 @@ impl<'a, R: BufRead> Reader<'a, R> {
         rows.resample = options.resample;
         while self.fill(&mut rows, usize::MAX)? {}
         segments::assemble(rows, None, None, self.warnings)
+    }
+
+    /// Why the last number of a line without a line feed is taken for cut off: it is shorter than
+    /// the one above it, or leaps away from it. None where no column of interest has it.
+    fn shortened(&self) -> Option<String> {
+        let last = self.layout.width - 1;
+        if !self.layout.channels.contains(&last) && self.layout.own.is_none() {
+            return None;
+        }
+        let text = self.cells.get(last).to_vec();
+        let mut above = Cells::default();
+        if !above.split(&self.lines.before, self.layout.delimiter) || above.len() != self.layout.width {
+            return None;
+        }
+        let above = above.get(last);
+        let comma = csv_head::decimal_comma(self.layout.delimiter);
+        let (x, before) = (number_of(&text, comma)?, number_of(above, comma)?);
+        let is_shorter = text.len() < above.len();
+        // A number of as many characters that lost its exponent or its last digits before the point.
+        let is_off = before != 0.0 && x.abs() > LEAP * before.abs() && text.len() <= above.len();
+        (is_shorter || is_off).then(|| format!("{} behind {}", shown(&text), shown(above)))
     }
 
     /// A CSV that was cut behind a whole line looks whole: the journal of its capture, where one is
@@ -175,20 +198,19 @@ impl<'a, R: BufRead> Reader<'a, R> {
                 let parsed = parse(&self.lines.bytes, number, &self.layout, rows, &mut self.cells, &mut self.row);
                 // A line cut right behind a delimiter has all of its cells, the last one empty.
                 let cut = !ended && self.cells.get(self.layout.width - 1).is_empty();
-                let length = self.cells.get(self.layout.width - 1).len();
-                let shorter = length < std::mem::replace(&mut self.last_cell, length);
                 match parsed {
                     Ok(()) if !cut => {
-                        if ended || !shorter {
+                        let shortened = if ended { None } else { self.shortened() };
+                        if shortened.is_none() {
                             take(rows, number, &self.row);
                         }
                         if !ended {
-                            // 201.1 cut to 2 would be a jump.
-                            let so =
-                                if shorter { "is shorter than the one above, and left out" } else { "may be cut off" };
+                            let why =
+                                shortened.map_or_else(String::new, |why| format!(", {why}: this row is left out"));
+                            let told = "the last, has no line feed: its last number may be cut off";
                             self.warnings.push(Warning::new(
                                 "no-line-feed",
-                                format!("line {number}, the last, has no line feed: its last number {so}"),
+                                format!("line {number}, {told}{why}"),
                                 "If this file was cut short, copy it again",
                             ));
                         }
@@ -198,7 +220,7 @@ impl<'a, R: BufRead> Reader<'a, R> {
                     Ok(()) | Err(_) => {
                         let error = BadInput::new(
                             format!("a torn last line, {}; {}", shown(&self.lines.bytes), rows.last_whole()),
-                            format!("{} cells and a line feed", self.layout.width),
+                            format!("{} and a line feed", several(self.layout.width, "cell")),
                         )
                         .in_file(self.path)
                         .at(format!("line {number}"))
@@ -254,6 +276,13 @@ fn head<R: BufRead>(lines: &mut Lines<R>, path: &Path, rig: &Rig) -> Result<Head
     if let Some(first) = ahead.first_mut() {
         *first = first.strip_prefix(b"\xef\xbb\xbf").unwrap_or(first);
     }
+    let is_cr = |line: &[u8]| line.trim_ascii_end().contains(&b'\r') && !line.contains(&b'"');
+    // All of the file is then one line.
+    if let [only] = ahead[..]
+        && is_cr(only)
+    {
+        return Err(carriage_returns(path));
+    }
     let sources = sources(rig);
     let wanted: Vec<&str> = sources.columns.iter().map(|c| c.name.as_str()).collect();
     if let Some(head) = csv_head::find(&ahead, &rig.time, &wanted) {
@@ -279,6 +308,9 @@ fn head<R: BufRead>(lines: &mut Lines<R>, path: &Path, rig: &Rig) -> Result<Head
                     .in_file(path)
                     .at("start of file")
                     .remedy("Record again, or export the data with the header"));
+            }
+            Line::TooLong if lines.bytes.iter().filter(|b| **b == b'\r').count() > 1 => {
+                return Err(carriage_returns(path));
             }
             Line::TooLong => return Err(too_long(path, lines.number)),
             Line::Broken(e) => return Err(broken(&e, path, "no row is whole").0),
@@ -310,6 +342,14 @@ fn listed<R: BufRead>(reader: R, path: &Path, time: &TimeChoice) -> Result<Vec<L
     // A column of numbers with a word in it is one: where it is read, the word is told with its line.
     let listed = |(name, (numbers, others)): (String, (u64, u64))| Listed { name, is_number: numbers > others };
     Ok(head.names.into_iter().zip(seen).map(listed).collect())
+}
+
+/// The error for lines that end as on an old Macintosh.
+fn carriage_returns(path: &Path) -> BadInput {
+    BadInput::new("lines that end in a carriage return alone (CR)", "lines that end in a line feed (LF or CRLF)")
+        .in_file(path)
+        .at("line 1")
+        .remedy("Save the file with the line ends of Linux or Windows: tr '\\r' '\\n' < FILE > lf.csv")
 }
 
 fn too_long(path: &Path, number: u64) -> BadInput {
@@ -344,3 +384,7 @@ fn recovered(error: &BadInput, advice: &str) -> Warning {
 #[cfg(test)]
 #[path = "csv_tests.rs"]
 mod tests;
+
+#[cfg(test)]
+#[path = "csv_cause_tests.rs"]
+mod cause_tests;

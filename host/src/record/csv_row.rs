@@ -12,9 +12,14 @@ use super::rows::{Cell, Rows, sources};
 use super::{Column, dates, names};
 use crate::error::{BadInput, Result, plain};
 use crate::rig::Rig;
+use crate::wording::format::several;
 
 /// What to do with a line that has more cells or fewer than the others.
 const MEND: &str = "Mend the line; a text with the delimiter in it must be in quotes";
+
+/// A day in nanoseconds, and half of one in seconds.
+const DAY_NS: i64 = 86_400_000_000_000;
+const HALF_A_DAY_S: f64 = 43_200.0;
 
 /// Where the columns of interest stand.
 pub(super) struct Layout {
@@ -95,16 +100,13 @@ pub(super) fn parse(
     }
     if cells.len() != layout.width {
         return Err(at_line(
-            BadInput::new(
-                format!("{} cell{}", cells.len(), if cells.len() == 1 { "" } else { "s" }),
-                format!("{} as in the header", layout.width),
-            )
-            .remedy(layout.mended.as_deref().unwrap_or(MEND)),
+            BadInput::new(several(cells.len(), "cell"), format!("{} as in the header", layout.width))
+                .remedy(layout.mended.as_deref().unwrap_or(MEND)),
         ));
     }
     let comma = csv_head::decimal_comma(layout.delimiter);
     (row.t, row.tick) = time_of(number, cells.get(layout.t), layout, rows)?;
-    rows.check_time(number, row.t)?;
+    rows.check_time(number, row.t).map_err(|e| midnight(e, cells.get(layout.t), row.t, rows))?;
     row.cells.clear();
     for (k, &place) in layout.channels.iter().enumerate() {
         let text = cells.get(place);
@@ -120,9 +122,9 @@ pub(super) fn parse(
                     // Columns of which nothing is known yet have the unit 1.
                     let expected =
                         if c.unit == "1" { "a number".to_owned() } else { format!("a number in {}", c.unit) };
-                    return Err(rows.bad(number, &c.name, shown(text), &expected).remedy(
-                        decimal_comma_remedy(text).unwrap_or("Mend the cell, or leave it empty (that is a gap)"),
-                    ));
+                    let remedy =
+                        comma_between(text, layout).unwrap_or("Mend the cell, or leave it empty (that is a gap)");
+                    return Err(rows.bad(number, &c.name, shown(text), &expected).remedy(remedy));
                 }
             },
         };
@@ -207,17 +209,30 @@ fn time_of(number: u64, text: &[u8], layout: &Layout, rows: &Rows<'_>) -> Result
         Some(v) => Ok(from_origin(v, 1e9)),
         None if text.is_empty() => Ok((f64::NAN, None)),
         None => Err(rows.bad(number, &layout.time, shown(text.as_bytes()), "a time in seconds").remedy(
-            decimal_comma_remedy(text.as_bytes())
-                .unwrap_or("Write the time as a number, such as 0.002, or as a date such as 2026-11-23T12:00:00.002"),
+            comma_between(text.as_bytes(), layout).unwrap_or(
+                "Write the time as a number, such as 0.002, or as a date such as 2026-11-23T12:00:00.002 or 23.11.2026 12:00:00.002",
+            ),
         )),
     }
 }
 
-/// What to do about a decimal comma in a file that commas delimit.
-fn decimal_comma_remedy(cell: &[u8]) -> Option<&'static str> {
-    let is_one = number_of(cell, false).is_none() && number_of(cell, true).is_some();
+/// What to do about a cell that would be a number if a decimal comma were read.
+fn comma_between(text: &[u8], layout: &Layout) -> Option<&'static str> {
+    let is_one = !csv_head::decimal_comma(layout.delimiter) && text.contains(&b',') && number_of(text, true).is_some();
     is_one.then_some(
-        "It is a decimal comma: where commas delimit the cells, write decimals with a point, or delimit by semicolons",
+        "A decimal comma is not read where commas stand between the cells: save with decimal points, or with ; between the cells",
+    )
+}
+
+/// An error of a time that is a clock's alone, without a date, and fell back by most of a day.
+fn midnight(e: BadInput, text: &[u8], t: f64, rows: &Rows<'_>) -> BadInput {
+    let text = core::str::from_utf8(text).unwrap_or_default();
+    let is_clock = text.contains(':') && dates::nanoseconds(text).is_some_and(|ns| (0..DAY_NS).contains(&ns));
+    if !is_clock || rows.t.last().is_none_or(|before| before - t < HALF_A_DAY_S) {
+        return e;
+    }
+    BadInput { found: format!("{} behind a later time of day", shown(text.as_bytes())), ..e }.remedy(
+        "The clock passed midnight: write the date with each time (2026-11-23T00:00:00.000), or split the file there",
     )
 }
 

@@ -13,7 +13,6 @@ use super::stream::Streamed;
 use crate::error::{BadInput, Result};
 use crate::files;
 use crate::rig::Rig;
-use crate::wording::format::shell_word;
 
 /// How a record is read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -107,18 +106,13 @@ pub fn of(path: &Path) -> Result<&'static Format> {
             .remedy("Record again, or copy the file again"));
     }
     if is_utf16(&head) {
-        let file = shell_word(&path.display().to_string());
-        return Err(BadInput::new("a text in UTF-16", "a text in UTF-8")
-            .in_file(path)
-            .at("start of file")
-            .remedy(format!("Save it as \"CSV UTF-8\", or convert it: iconv -f UTF-16 -t UTF-8 {file} > utf8.csv")));
-    }
-    if (super::csv::FORMAT.is)(&head) && head.contains(&b'\r') && !head.contains(&b'\n') {
-        let file = shell_word(&path.display().to_string());
-        return Err(BadInput::new("lines that end in CR alone", "lines that end in LF, or in CR and LF")
-            .in_file(path)
-            .at("start of file")
-            .remedy(format!("Convert it: tr '\\r' '\\n' < {file} > lines.csv")));
+        return Err(BadInput::new(
+            "a text in UTF-16 (as Excel's \"Unicode Text\" and PowerShell's > write it)",
+            "a text in UTF-8",
+        )
+        .in_file(path)
+        .at("start of file")
+        .remedy("Save it as UTF-8 (in Excel: CSV UTF-8), or: iconv -f UTF-16 -t UTF-8 FILE > utf8.csv"));
     }
     let name = path.file_name().map(|n| n.to_string_lossy().to_lowercase()).unwrap_or_default();
     let by_extension = |f: &&Format| f.extensions.iter().any(|e| name.ends_with(&format!(".{e}")));
@@ -145,15 +139,10 @@ pub fn of(path: &Path) -> Result<&'static Format> {
     }
 }
 
-/// Whether a file is a text in UTF-16, as some spreadsheets and instruments save it: by its mark, or
-/// by every other byte of its first letters being 0.
+/// Whether bytes are a text of two bytes a character: marked so, or Latin letters all of them.
 fn is_utf16(head: &[u8]) -> bool {
-    let letters = |from: usize| {
-        let (zero, letter) = (head.iter().skip(from).step_by(2), head.iter().skip(1 - from).step_by(2));
-        zero.take(8).all(|b| *b == 0) && letter.take(8).all(|b| (9..127).contains(b))
-    };
-    let marked = head.starts_with(b"\xff\xfe") || head.starts_with(b"\xfe\xff");
-    head.len() >= 16 && (marked || letters(0) || letters(1))
+    let latin = |k: usize| head.chunks_exact(2).take(32).all(|pair| pair[1 - k] == 0 && (9..127).contains(&pair[k]));
+    head.starts_with(&[0xff, 0xfe]) || head.starts_with(&[0xfe, 0xff]) || (head.len() >= 8 && (latin(0) || latin(1)))
 }
 
 /// Opens a record's file.

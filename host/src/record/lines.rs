@@ -33,6 +33,8 @@ pub(super) struct Lines<R> {
     reader: R,
     /// Bytes of the present line.
     pub(super) bytes: Vec<u8>,
+    /// Bytes of the line before it.
+    pub(super) before: Vec<u8>,
     /// Number of the present line, from 1.
     pub(super) number: u64,
     /// Lines that were looked at and are still to come.
@@ -41,7 +43,8 @@ pub(super) struct Lines<R> {
 
 impl<R: BufRead> Lines<R> {
     pub(super) fn new(reader: R) -> Self {
-        Self { reader, bytes: Vec::with_capacity(256), number: 0, ahead: VecDeque::new() }
+        let (bytes, before) = (Vec::with_capacity(256), Vec::with_capacity(256));
+        Self { reader, bytes, before, number: 0, ahead: VecDeque::new() }
     }
 
     /// The next lines, as many as are whole, without moving on.
@@ -59,6 +62,7 @@ impl<R: BufRead> Lines<R> {
     /// Moves on to the next line.
     pub(super) fn advance(&mut self) -> Line {
         self.number += 1;
+        std::mem::swap(&mut self.bytes, &mut self.before);
         match self.ahead.pop_front() {
             Some((line, bytes)) => {
                 self.bytes = bytes;

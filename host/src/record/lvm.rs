@@ -23,6 +23,7 @@ use super::rows::ROW_LIMIT;
 use super::{Record, dates};
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
+use crate::wording::format::several;
 
 pub(super) const FORMAT: Format = Format {
     id: "lvm",
@@ -277,7 +278,7 @@ impl<R: BufRead> Reader<'_, R> {
         // A comment may stand behind; a channel that ended before the others has empty cells, or
         // none.
         if cells.len() > count + 1 {
-            let found = format!("{} cells", cells.len());
+            let found = several(cells.len(), "cell");
             return Err(self.bad(found, &format!("{count}, and a comment"), "Mend the line"));
         }
         let number = |cell: &str| number_of(cell.as_bytes(), self.head.comma);

@@ -54,9 +54,19 @@ impl Failure {
     }
 }
 
+/// What the crate says of a file, without its own name before it.
+pub(super) fn words(error: &ParquetError) -> String {
+    let text = error.to_string();
+    let text = text.strip_prefix("Parquet error: ").unwrap_or(&text);
+    match text.trim_start_matches("Invalid Parquet file. ") {
+        "Corrupt footer" => "the file does not end as a whole one does".to_owned(),
+        words => words.to_owned(),
+    }
+}
+
 impl From<ParquetError> for Failure {
     fn from(e: ParquetError) -> Self {
-        Self::File(e.to_string())
+        Self::File(words(&e))
     }
 }
 

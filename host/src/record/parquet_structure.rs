@@ -20,6 +20,7 @@ use super::csv::OWN_COLUMNS;
 use super::formats::Listed;
 use super::names::{self, TimeChoice, TimeColumn};
 use super::parquet_cells::{is_time, not_a_number};
+use super::parquet_chunks;
 use super::parquet_nested::nested;
 use super::parquet_recovery::{Marker, crc_of_range, crc32, extent, marker_at, scan, stated_crc};
 use super::parquet_source::{Held, Source};
@@ -67,7 +68,7 @@ pub(super) fn structure(source: &Arc<Source>, path: &Path, recover: bool) -> Res
         .unwrap_or_else(|| Err(ParquetError::General("damaged footer".to_owned())));
     let file = match footer {
         Ok(file) => file,
-        Err(e) => return by_markers(source, path, &format!("no footer: {e}")),
+        Err(e) => return by_markers(source, path, &format!("no footer: {}", parquet_chunks::words(&e))),
     };
     let written_by_whirl = file.file_metadata().created_by().is_some_and(|c| c.starts_with("whirl version"));
     let (metadata, losses) = own_metadata(&file);

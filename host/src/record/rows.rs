@@ -340,7 +340,9 @@ pub(super) fn sources(rig: &Rig) -> Sources {
 pub(super) fn missing_column(path: &Path, wanted: &str, header: &[String], used: &[&str]) -> BadInput {
     let list: Vec<String> = header.iter().take(40).map(|h| super::formats::shown(h.as_bytes())).collect();
     let more = if header.len() > 40 { format!(" and {} more", header.len() - 40) } else { String::new() };
-    let free = header.iter().take(1000).map(String::as_str).filter(|h| !used.contains(h));
+    let times = |h: &str| header.iter().take(1000).filter(|o| *o == h).count();
+    // A name that two columns have cannot be chosen.
+    let free = header.iter().take(1000).map(String::as_str).filter(|h| !used.contains(h) && times(h) == 1);
     let close = closest(wanted, free);
     let remedy = match (wanted, close) {
         ("t", Some(h)) if !is_numbered(header) => {
@@ -351,7 +353,10 @@ pub(super) fn missing_column(path: &Path, wanted: &str, header: &[String], used:
         }
         ("t", _) => "Say which one is the time: --time COLUMN, or time = \"COLUMN\" in the rig file; or add a column t in seconds".to_owned(),
         (_, Some(h)) => format!("Did you mean {h}? Set it as the channel's name in the rig file, or say --map MEASURE=COLUMN"),
-        (_, None) => "Set the channel's name in the rig file to one of these columns, or say --map MEASURE=COLUMN".to_owned(),
+        (_, None) => match header.iter().take(40).find(|h| !h.is_empty() && times(h) > 1) {
+            Some(h) => format!("{} columns are called {h}: give each a name of its own in the header", times(h)),
+            None => "Set the channel's name in the rig file to one of these columns, or say --map MEASURE=COLUMN".to_owned(),
+        },
     };
     BadInput::new(format!("the columns {}{more}", list.join(", ")), format!("a column {wanted}"))
         .in_file(path)

@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 use super::{Channel, Drive, MOST_A_PERIOD, QUANTITIES, RATES, RigFile, UNITS};
 use crate::error::{BadInput, Result};
 use crate::record::names::{TimeChoice, per_second, time_units};
-use crate::wording::close::did_you_mean;
+use crate::wording::toml_words;
 
 /// Greatest gain and offset of a channel: instruments count in millionths or thousands.
 const SCALES: core::ops::RangeInclusive<f64> = 1e-15..=1e15;
@@ -18,7 +18,7 @@ fn bad<T>(path: &Path, place: &str, found: String, expected: &str) -> Result<T> 
 
 /// The keys of a rig file, none of them looked at yet.
 pub(super) fn table(text: &str, path: &Path) -> Result<RigFile> {
-    typed(text, path, ["rig file", "docs/rig-file.md"])
+    typed(text, path, ["a rig file", "docs/rig-file.md"])
 }
 
 /// A file of known keys; `what` it is, and the page that lists them.
@@ -26,97 +26,7 @@ pub(super) fn table(text: &str, path: &Path) -> Result<RigFile> {
 /// # Errors
 /// Names the file, the place, what was found and what was expected.
 pub(crate) fn typed<T: DeserializeOwned>(text: &str, path: &Path, what: [&str; 2]) -> Result<T> {
-    toml::from_str(text).map_err(|e| {
-        let place = e.span().map_or_else(
-            || what[0].to_owned(),
-            |span| {
-                let before = &text[..span.start.min(text.len())];
-                let line = before.matches('\n').count() + 1;
-                let column = before.len() - before.rfind('\n').map_or(0, |i| i + 1) + 1;
-                format!("line {line}, column {column}")
-            },
-        );
-        let message = e.message().replace('\n', " ");
-        let line = e.span().map_or("", |span| line_at(text, span.start));
-        in_plain_words(message.trim()).in_file(path).at(place).remedy(remedy(&message, line, what))
-    })
-}
-
-/// A message of the TOML reader in the words of this program, as far as it is one of those that
-/// people meet.
-fn in_plain_words(message: &str) -> BadInput {
-    if let Some((key, known)) = unknown_key(message) {
-        return BadInput::new(format!("the key \"{key}\""), format!("one of {}", known.join(", ")));
-    }
-    if let Some((key, _)) = message.strip_prefix("missing field `").and_then(|m| m.split_once('`')) {
-        return BadInput::new(format!("no {key}"), "it in this part of the file");
-    }
-    if let Some((found, expected)) =
-        message.strip_prefix("unknown variant `").and_then(|m| m.split_once("`, expected "))
-    {
-        return BadInput::new(format!("\"{found}\""), expected.replace('`', "\""));
-    }
-    let typed = message.strip_prefix("invalid type: ").or_else(|| message.strip_prefix("invalid value: "));
-    let Some((found, expected)) = typed.and_then(|m| m.rsplit_once(", expected ")) else {
-        return BadInput::new(message.to_owned(), "");
-    };
-    let (kind, value) = found.split_once(' ').unwrap_or((found, ""));
-    let found = match kind {
-        "string" => format!("the text {value}"),
-        "integer" => format!("the number {}", value.trim_matches('`')),
-        "floating" => format!("the number {}", value.trim_start_matches("point ").trim_matches('`')),
-        "boolean" => value.trim_matches('`').to_owned(),
-        "sequence" => "a list".to_owned(),
-        "map" => "a table".to_owned(),
-        _ => found.to_owned(),
-    };
-    let expected = match expected {
-        "u8" | "u16" | "u32" | "u64" | "usize" => "a whole number, 0 or more, without quotes",
-        "i8" | "i16" | "i32" | "i64" | "isize" => "a whole number without quotes",
-        "f32" | "f64" => "a number without quotes",
-        "a string" => "a text in quotes",
-        "a boolean" => "true or false",
-        "a sequence" => "a list in brackets",
-        "a map" => "a table",
-        other => other,
-    };
-    BadInput::new(found, expected)
-}
-
-/// The key that a message of the TOML reader says is not known, and those that are.
-fn unknown_key(message: &str) -> Option<(&str, Vec<&str>)> {
-    let (key, known) = message.strip_prefix("unknown field `")?.split_once('`')?;
-    let known: Vec<&str> = known.split('`').skip(1).step_by(2).collect();
-    (!known.is_empty()).then_some((key, known))
-}
-
-/// The line of a byte.
-fn line_at(text: &str, at: usize) -> &str {
-    let from = text.get(..at).and_then(|before| before.rfind('\n')).map_or(0, |i| i + 1);
-    text.get(from..).and_then(|rest| rest.lines().next()).unwrap_or("")
-}
-
-/// What to do about a message of the TOML reader: it says what it met, not how it came about.
-fn remedy(message: &str, line: &str, [what, page]: [&str; 2]) -> String {
-    if line.trim_start().starts_with("[channel]") {
-        return "Write [[channel]] with two brackets: each is one of a list".to_owned();
-    }
-    if message.contains("invalid basic string") || message.contains("invalid literal string") {
-        return "Close the quote: a text stands between two of them on one line".to_owned();
-    }
-    if let Some((key, _)) = message.trim().strip_prefix("missing field `").and_then(|m| m.split_once('`')) {
-        let example = match key {
-            "unit" => ", such as unit = \"count\" or unit = \"rad\"",
-            "name" => ", such as name = \"count1\"",
-            "measures" => ", such as measures = \"theta1\"",
-            "channel" => ": a part [[channel]] for each column of the record",
-            "frequency_hz" => ", such as frequency_hz = 5.0",
-            _ => "",
-        };
-        return format!("Add {key}{example}; the keys of a {what} are listed in {page}");
-    }
-    let meant = unknown_key(message.trim()).map_or_else(String::new, |(key, known)| did_you_mean(key, known));
-    format!("{meant}Correct this key; the keys of a {what} are listed in {page}")
+    toml::from_str(text).map_err(|e| toml_words::told(&e, text, what[0], what[1]).in_file(path))
 }
 
 /// The error for a rig file without a rate where nothing says it.

@@ -4,8 +4,8 @@ use serde::Deserialize;
 use serde::de::DeserializeOwned;
 
 use super::Rig;
-use super::checks::typed;
 use crate::error::{BadInput, Result};
+use crate::wording::toml_words;
 
 /// Parameters of the simulated double pendulum, SI. `e1` and `m1` enter as their product and in
 /// J_o1 only.
@@ -117,7 +117,12 @@ pub(super) fn table<T: DeserializeOwned>(rig: &Rig, example: &str) -> Result<T> 
     struct File<T> {
         plant: Option<T>,
     }
-    let file: File<T> = typed(&rig.text, &rig.path, ["rig file", "docs/rig-file.md"])?;
+    // As a part of the file, so that a wrong value is told with its line.
+    let file: File<T> = toml::from_str(&rig.text).map_err(|e| {
+        let told = toml_words::told(&e, &rig.text, "[plant]", "docs/rig-file.md");
+        let place = format!("[plant], {}", told.place.as_deref().unwrap_or_default());
+        BadInput { place: Some(place), ..told }.in_file(&rig.path)
+    })?;
     file.plant.ok_or_else(|| {
         BadInput::new("no [plant]", "the simulated rig's parameters")
             .in_file(&rig.path)

@@ -19,9 +19,10 @@ use super::mechanism::{Coefficient, Mechanism, Named, unused};
 use super::polynomial::{Atom, Polynomial, Product};
 use crate::error::{BadInput, Result};
 use crate::model::model_file::expression::{FUNCTIONS, Symbol};
-use crate::model::model_file::toml_place::Source;
+use crate::model::model_file::toml_place::{MODEL_PAGE, Source};
 use crate::model::model_file::units::Unit;
 use crate::model::model_file::{Coordinate, ModelFile, Space};
+use crate::wording::toml_words;
 
 /// An expression of the motion as the text that model files hold.
 pub fn text_of(p: &Polynomial, coordinates: &[String], inputs: &[String]) -> String {
@@ -229,7 +230,7 @@ fn own_equations(file: &SystemFile) -> Result<String> {
         return Ok(out);
     }
     let table: toml::Table = toml::from_str(&file.source.text)
-        .map_err(|e| BadInput::new(e.message().replace('\n', " "), "").in_file(&file.source.path))?;
+        .map_err(|e| toml_words::told(&e, &file.source.text, "a system file", MODEL_PAGE).in_file(&file.source.path))?;
     for equation in table.get("equation").and_then(toml::Value::as_array).into_iter().flatten() {
         out.push_str("\n[[equation]]\n");
         for (k, v) in equation.as_table().into_iter().flatten() {

@@ -136,15 +136,16 @@ impl Reader<'_> {
 
     fn unit(&self, value: &Value<'_>) -> Result<Unit> {
         let text = self.source.text(value, "a unit in quotes, such as \"kg m^2\"")?;
-        Unit::parse(text).ok_or_else(|| {
-            self.source
-                .bad(
-                    value.span().start,
-                    format!("the unit \"{text}\""),
-                    "a unit such as \"kg m^2\", \"N m/A\" or \"1\"",
-                )
-                .remedy("Write products with blanks and powers with ^")
-        })
+        let bad = |expected: String| self.source.bad(value.span().start, format!("the unit \"{text}\""), expected);
+        let remedy = "Write products with blanks and powers with ^";
+        match Unit::known(text) {
+            Some(Ok(unit)) => Ok(unit),
+            Some(Err(name)) => {
+                let what = format!("units that are known, and \"{name}\" is none of {}", Unit::names());
+                Err(bad(what).remedy(format!("{remedy}, such as \"N m\" or \"kg m^2\"")))
+            }
+            None => Err(bad("a unit such as \"kg m^2\", \"N m/A\" or \"1\"".to_owned()).remedy(remedy)),
+        }
     }
 
     fn parameters(&mut self, top: &DeTable<'_>) -> Result<Vec<Parameter>> {

@@ -212,9 +212,10 @@ fn mistakes_are_told_with_their_place() {
     for (from, to, place, part) in [
         ("name = \"double pendulum\"\n", "", "line 1, column 1", "no key \"name\""),
         ("phi1 = \"angle\"", "phi1 = angle", "line 3, column 24", ""),
-        ("phi2 = \"angle\"", "phi1 = \"angle\"", "line 3, column 33", "duplicate key"),
+        ("phi2 = \"angle\"", "phi1 = \"angle\"", "line 3, column 33", "the key \"phi1\" a second time"),
         ("gravity = \"down\"", "gravity = \"up\"", "line 4, column 12", "the name \"up\""),
         ("l1 = \"m\"", "l1 = \"m^\"", "line 5, column 58", "the unit \"m^\""),
+        ("l1 = \"m\"", "l1 = \"metre\"", "line 5, column 58", "and \"metre\" is none of m, km, cm"),
         ("a_s*sin(tau)]", "a_s*sin(tua)]", "line 8, column 36", "the name \"tua\""),
         ("a_s*sin(tau)]", "a_s*sen(tau)]", "line 8, column 32", "the function \"sen\""),
         ("a_s*sin(tau)]", "a_s*sin(tau)", "line 8, column 9", "a \"[\" without its \"]\""),

@@ -133,6 +133,12 @@ pub fn count(n: u64) -> String {
     out
 }
 
+/// "1 row", "2 rows", "12 000 rows".
+pub fn several(n: usize, noun: &str) -> String {
+    let s = if n == 1 { "" } else { "s" };
+    format!("{} {noun}{s}", count(n as u64))
+}
+
 /// A length of time: `120.0 s`, `12 min 5 s`, `1 h 0 min 3 s`; below a second in ms or µs.
 pub fn duration(seconds: f64) -> String {
     let s = seconds.abs();

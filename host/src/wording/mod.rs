@@ -6,8 +6,10 @@
 //! | [`format`](mod@format) | digits that the uncertainty warrants, SI units, powers of ten |
 //! | [`names`] | plain names of effects and parameters |
 //! | [`symbols`] | Greek letters, subscripts, derivatives: plain, HTML, SVG, MathML |
+//! | [`toml_words`] | what the reader of TOML met |
 
 pub mod close;
 pub mod format;
 pub mod names;
 pub mod symbols;
+pub mod toml_words;

@@ -28,6 +28,7 @@ use crate::error::BadInput;
 use crate::identify::geometry::drive_window_s;
 use crate::identify::prepared::{Geometry, prepare_moving};
 use crate::identify::{Identification, Settings, built_in};
+use crate::inspect::standing_line;
 use crate::record::Record;
 use crate::rig::{Direction, Drive, Rig};
 use crate::warning::Warning;
@@ -128,6 +129,9 @@ pub fn examine(records: &[Record], rig: &Rig) -> Vec<Warning> {
         .map(|(name, (value, std_error))| NamedCoefficient { name, value: *value, std_error: *std_error })
         .collect();
     out.extend(by_coefficients(&scene.rig, &known));
+    if base.log > CLEAN {
+        out.extend(records.first().and_then(|r| standing_line::not_stated(r, rig)));
+    }
     if !out.iter().any(|w| w.invalidates)
         && base.log > CLEAN
         && let Some(found) = find::find(&scene, &base)

@@ -7,6 +7,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use crate::error::{BadInput, Result};
+use crate::wording::toml_words;
 
 /// The text of a file and where it came from.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -18,7 +19,7 @@ pub struct Source {
 }
 
 /// The user's page of model files, and of effect files.
-const MODEL_PAGE: &str = "docs/model-file.md";
+pub const MODEL_PAGE: &str = "docs/model-file.md";
 const EFFECT_PAGE: &str = "docs/effects.md";
 
 /// The page that tells the keys of what is called so.
@@ -32,14 +33,7 @@ pub type Value<'i> = Spanned<DeValue<'i>>;
 impl Source {
     /// "line L, column C" of a byte, both from 1; columns in characters.
     pub fn place(&self, byte: usize) -> String {
-        let mut end = byte.min(self.text.len());
-        while !self.text.is_char_boundary(end) {
-            end -= 1;
-        }
-        let before = &self.text[..end];
-        let line = before.matches('\n').count() + 1;
-        let column = before[before.rfind('\n').map_or(0, |i| i + 1)..].chars().count() + 1;
-        format!("line {line}, column {column}")
+        toml_words::place(&self.text, byte)
     }
 
     /// An error at a byte.
@@ -49,10 +43,8 @@ impl Source {
 
     /// Parses the text as TOML.
     pub fn table(&self) -> Result<Spanned<DeTable<'_>>> {
-        DeTable::parse(&self.text).map_err(|e| {
-            let byte = e.span().map_or(0, |s| s.start);
-            self.bad(byte, e.message().replace('\n', " "), "").remedy("Correct the TOML there")
-        })
+        DeTable::parse(&self.text)
+            .map_err(|e| toml_words::told(&e, &self.text, "such a file", MODEL_PAGE).in_file(&self.path))
     }
 
     /// Refuses keys that are not known.

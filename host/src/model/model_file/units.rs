@@ -7,9 +7,9 @@
 use super::expression::{Expression as E, Function, Node, Symbol};
 
 /// Units of one kind, and what they are made of; sizes are left out.
-const KINDS: [(&[&str], &str); 15] = [
+const KINDS: [(&[&str], &str); 19] = [
     (&["m", "km", "cm", "mm", "um", "µm", "μm"], "m"),
-    (&["s", "ms", "min", "h"], "s"),
+    (&["s", "ms", "us", "µs", "min", "h"], "s"),
     (&["kg", "g"], "kg"),
     (&["A", "mA"], "A"),
     (&["deg", "°"], "1"),
@@ -23,6 +23,10 @@ const KINDS: [(&[&str], &str); 15] = [
     (&["T"], "kg/s^2 A"),
     (&["Wb"], "kg m^2/s^2 A"),
     (&["Ω", "Ohm", "ohm"], "kg m^2/s^3 A^2"),
+    (&["H", "mH"], "kg m^2/s^2 A^2"),
+    (&["F", "mF", "uF", "µF", "nF"], "A^2 s^4/kg m^2"),
+    (&["K", "mol"], "K"),
+    (&["count", "counts"], "1"),
 ];
 
 /// Powers of units, by name.
@@ -62,6 +66,23 @@ impl Unit {
             }
         }
         Some(out)
+    }
+
+    /// A unit as a person writes it, of names that are known alone; none where it is no unit.
+    ///
+    /// # Errors
+    /// The name that is none.
+    pub fn known(text: &str) -> Option<core::result::Result<Self, String>> {
+        let unit = Self::parse(text)?;
+        let is_known = |name: &str| KINDS.iter().any(|(names, _)| names.contains(&name));
+        let unknown = unit.0.iter().map(|(name, _)| name.clone()).find(|name| !is_known(name));
+        Some(unknown.map_or(Ok(unit), Err))
+    }
+
+    /// Names of units that are known, for messages.
+    pub fn names() -> String {
+        let all: Vec<&str> = KINDS.iter().flat_map(|(names, _)| names.iter().copied()).collect();
+        format!("{}, rad, 1", all.join(", "))
     }
 
     /// This unit times another to a power.
@@ -213,6 +234,19 @@ mod tests {
         for text in ["", "kg m^", "kg^x", "2", "/s", "m^99", "kg,m"] {
             assert_eq!(Unit::parse(text), None, "{text}");
         }
+    }
+
+    #[test]
+    fn a_unit_that_is_not_known_is_told_by_its_name() {
+        for text in ["kg m^2", "N m s/rad", "V/A", "1", "mm", "Ω", "H/s", "°"] {
+            assert!(matches!(Unit::known(text), Some(Ok(_))), "{text}");
+        }
+        for (text, name) in [("kgg", "kgg"), ("N/metre", "metre"), ("Nm", "Nm")] {
+            assert_eq!(Unit::known(text), Some(Err(name.to_owned())), "{text}");
+        }
+        assert!(Unit::known("m^").is_none() && Unit::names().contains("kg, g, A"));
+        // Every kind is of units that are known.
+        assert!(KINDS.iter().all(|(_, of)| matches!(Unit::known(of), Some(Ok(_)))));
     }
 
     #[test]

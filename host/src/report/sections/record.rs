@@ -2,7 +2,7 @@
 
 use crate::inspect::Inspection;
 use crate::inspect::coordinate::Coordinate;
-use crate::inspect::text::{drive, motion, range};
+use crate::inspect::text::{drive, motion, range, speed};
 use crate::report::html::{Align, Html};
 use crate::report::{Results, SectionKind};
 use crate::wording::format::{count, duration, fixed, quantity, shortest, significant};
@@ -59,8 +59,8 @@ fn table(body: &mut Html, coordinates: &[Coordinate]) {
     let cells: [Cell; 11] = [
         ("column", &|c| Some(column(c))),
         ("range", &|c| Some(range(c))),
-        ("rms speed", &|c| Some(format!("{} {}/s", significant(c.rms_speed, 4), c.unit))),
-        ("greatest speed", &|c| Some(format!("{} {}/s", significant(c.greatest_speed, 4), c.unit))),
+        ("rms speed", &|c| Some(speed(c.rms_speed, &c.unit, 4))),
+        ("greatest speed", &|c| Some(speed(c.greatest_speed, &c.unit, 4))),
         ("net turns", &|c| c.turns.map(|t| fixed(t, 2))),
         ("net turns a drive period", &|c| c.turns_per_period.map(|t| fixed(t, 4))),
         ("time beyond ±90°", &|c| c.beyond_90.map(|b| format!("{} %", fixed(100.0 * b, 1)))),

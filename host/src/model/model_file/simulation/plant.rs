@@ -19,6 +19,8 @@ use super::excitation::{Excitation, Signal};
 use crate::error::{BadInput, Result};
 use crate::model::model_file::ModelFile;
 use crate::rig::Rig;
+use crate::wording::format::several;
+use crate::wording::toml_words;
 
 /// Keys that are not coefficients.
 const KEYS: [&str; 4] = ["initial", "noise", "settle_s", "input"];
@@ -88,8 +90,8 @@ impl Plant {
                 .at(if place.is_empty() { "[plant]".to_owned() } else { format!("plant.{place}") })
                 .remedy("Correct [plant]; see docs/model-file.md")
         };
-        let file: File =
-            toml::from_str(&rig.text).map_err(|e| bad("", e.message().to_owned(), "a rig file".to_owned()))?;
+        let file: File = toml::from_str(&rig.text)
+            .map_err(|e| toml_words::told(&e, &rig.text, "a rig file", "docs/rig-file.md").in_file(&rig.path))?;
         let table = file
             .plant
             .ok_or_else(|| bad("", "no [plant]".to_owned(), "the simulated system's coefficients".to_owned()))?;
@@ -122,7 +124,12 @@ impl Plant {
                 return Err(bad(
                     "initial",
                     v.to_string(),
-                    format!("{} numbers: the coordinates, then their rates", 2 * n),
+                    format!(
+                        "{} numbers: {}, then {}",
+                        2 * n,
+                        several(n, "coordinate"),
+                        if n == 1 { "its rate" } else { "their rates" }
+                    ),
                 ));
             }
         };
@@ -147,10 +154,10 @@ impl Plant {
         }
         let given: BTreeMap<String, Vec<Excitation>> = match table.get("input") {
             None => BTreeMap::new(),
-            Some(v) => v
-                .clone()
-                .try_into()
-                .map_err(|e: toml::de::Error| bad("input", e.message().replace('\n', " "), String::new()))?,
+            Some(v) => v.clone().try_into().map_err(|e: toml::de::Error| {
+                let told = toml_words::told(&e, "", "plant.input", "docs/model-file.md");
+                BadInput { place: Some("plant.input".to_owned()), ..told }.in_file(&rig.path)
+            })?,
         };
         if let Some(key) = given.keys().find(|k| !model.inputs.contains(k)) {
             return Err(bad("input", format!("\"{key}\""), format!("one of {}", model.inputs.join(", "))));
