@@ -67,8 +67,8 @@ pub fn told(error: &clap::Error) -> BadInput {
         }
         ErrorKind::InvalidSubcommand => {
             let word = one(ContextKind::InvalidSubcommand).unwrap_or_default();
-            let meant =
-                one(ContextKind::SuggestedSubcommand).map_or_else(String::new, |a| format!("Did you mean {a}? "));
+            let near = list(error, ContextKind::SuggestedSubcommand);
+            let meant = did_you_mean(&word, near.iter().map(String::as_str));
             BadInput::new(format!("\"{word}\""), "a command").remedy(format!("{meant}{help}"))
         }
         ErrorKind::ArgumentConflict => {

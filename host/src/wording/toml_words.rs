@@ -78,6 +78,9 @@ fn in_plain_words(message: &str, met: &str, line: &str) -> BadInput {
     }
     if message.starts_with("string values must be quoted") {
         let value = line.split_once('=').map_or(met, |(_, value)| value.trim());
+        if value.is_empty() {
+            return BadInput::new("a key without a value", "key = value");
+        }
         return BadInput::new(format!("{value} without quotes"), "a number, true, false, or a text in quotes");
     }
     if let Some((_, found, expected)) = SYNTAX.iter().find(|(start, _, _)| message.starts_with(start)) {
@@ -149,7 +152,8 @@ fn remedy(message: &str, line: &str, keys: &str) -> String {
         return "Close the quote: a text stands between two of them on one line".to_owned();
     }
     if message.starts_with("string values must be quoted") {
-        return "Put it in quotes".to_owned();
+        let is_empty = line.split_once('=').is_some_and(|(_, value)| value.trim().is_empty());
+        return if is_empty { "Write its value behind the sign =" } else { "Put it in quotes" }.to_owned();
     }
     if message == "duplicate key" || message.starts_with("duplicate field") {
         return "Take one of the two out".to_owned();

@@ -59,7 +59,7 @@ fn malformed_files_are_told_where_and_what_to_do() {
         ("[[equation]]", "[equation]", &["a table", "double brackets"]),
         ("inputs", "input", &["line 3, column 1", "the key \"input\"", "inputs"]),
         ("coordinates = [{ name = \"q\", space = \"R\" }]", "coordinates = []", &["line 2", "0 coordinates", "1 to"]),
-        ("[[equation]]", "[[equation", &["line 4", "TOML"]),
+        ("[[equation]]", "[[equation", &["line 4", "without its closing brackets"]),
         ("name = \"positioning drive\"\n", "", &["no key \"name\"", "Add name"]),
         ("\"q''\"", "{ basis = \"wavelet\", of = \"q\" }", &["\"wavelet\"", "harmonic", "bases"]),
         ("\"q''\"", "{ basis = \"harmonic\", of = \"q\" }", &["no key \"order\"", "Add order"]),
