@@ -86,7 +86,10 @@ fn what_cannot_be_planned_is_one_message() {
             "plan --rig rig.toml --model model.toml --tell play@joint1",
             "--tell: found play@joint1 for a model with no effect",
         ),
-        ("plan --rig rig.toml --model model.toml --tell nothing@joint1=1", "--tell: found \"nothing\", expected an effect of"),
+        (
+            "plan --rig rig.toml --model model.toml --tell nothing@joint1=1",
+            "--tell: found \"nothing\", expected an effect of",
+        ),
         ("plan --rig rig.toml --model model.toml --tell play", "ID@PLACE"),
         ("plan --rig rig.toml --model model.toml --limits limits.toml", "limits.toml: frequency_hz: found [6, 4]"),
         ("plan --rig single.toml --model model.toml", "expected a model of \"single-pendulum\""),
