@@ -72,7 +72,8 @@ pub fn told(error: &clap::Error) -> BadInput {
             BadInput::new(format!("\"{word}\""), "a command").remedy(format!("{meant}{help}"))
         }
         ErrorKind::ArgumentConflict => {
-            let other = list(error, ContextKind::PriorArg).join(", ");
+            let plain = |n: &String| n.split(" <").next().unwrap_or_default().to_owned();
+            let other = list(error, ContextKind::PriorArg).iter().map(plain).collect::<Vec<_>>().join(", ");
             let beside = if other.is_empty() || other == option {
                 "a second time".to_owned()
             } else {
@@ -162,7 +163,7 @@ mod tests {
             ("identfy r.csv", &["found \"identfy\", expected a command. Did you mean identify?"]),
             ("identify r.csv --rig r.toml --map x", &["--map", "found \"x\", expected MEASURE=COLUMN, such as"]),
             ("identify r.csv --rig a --rig b", &["--rig", "a second time"]),
-            ("plan --rig r --runs 900 -o p", &["found \"900\", expected a whole number from 1 to 500"]),
+            ("plan --rig r --budget 900 -o p", &["found \"900\", expected a whole number from 1 to 500"]),
         ] {
             let words = std::iter::once("whirl").chain(line.split_whitespace());
             let error = crate::cli::command().try_get_matches_from(words).unwrap_err();
