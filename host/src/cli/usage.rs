@@ -135,9 +135,10 @@ fn help(error: &clap::Error) -> String {
         _ => String::new(),
     };
     let words = usage.trim().trim_start_matches("Usage:").split_whitespace();
-    let command: Vec<&str> = words.take_while(|w| !w.starts_with(['[', '<', '-'])).collect();
-    let command = if command.is_empty() { "whirl".to_owned() } else { command.join(" ") };
-    format!("`{command} --help` lists what it takes")
+    // Whatever the file is called that is run.
+    let behind = words.skip(1).take_while(|w| !w.starts_with(['[', '<', '-']));
+    let command: Vec<&str> = std::iter::once("whirl").chain(behind).collect();
+    format!("`{} --help` lists what it takes", command.join(" "))
 }
 
 #[cfg(test)]
