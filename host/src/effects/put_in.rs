@@ -165,6 +165,26 @@ fn told_otherwise(text: &str, entry: &Entry, given: &Text<'_>, (form, strengths)
     Ok(())
 }
 
+/// Where an effect could be put, of places with these names; of none, what it takes.
+fn place_wanted(names: &[String], entry: &Entry) -> String {
+    match (names, entry.at) {
+        ([], At::Between) => "two coordinates of one kind by whose difference no joint moves (at a joint that does, \
+                                      a torsion-spring is this)"
+            .to_owned(),
+        ([], At::Arm) => "a system with an arm: a body that has an angle (docs/effects.md)".to_owned(),
+        ([], At::Drive) => "a system with a drive".to_owned(),
+        ([], At::Input) => "a system with a measured input".to_owned(),
+        ([], At::Encoder) if entry.turning => "a system with a channel that shows an angle".to_owned(),
+        // Against the first channel nothing is late.
+        ([], At::Encoder) => {
+            "a system with a second channel of a motion, whose delay against the first shows".to_owned()
+        }
+        ([], At::Joint) => "a system with a joint, or a coordinate with an equation of its own".to_owned(),
+        ([], At::Frame) => "a system whose frame may move: bodies under gravity".to_owned(),
+        (names, _) => format!("one of {}", names.join(", ")),
+    }
+}
+
 /// Reads effects for a rig whose system was derived from bodies, `physical` the values of the
 /// system's parameters, or written down, `own` those of its coefficients.
 ///
@@ -199,25 +219,7 @@ pub fn of(
         let here = places::of(entry, file, bound);
         let Some(place) = here.iter().find(|p| p.name(file) == given.at) else {
             let names: Vec<String> = here.iter().map(|p| p.name(file)).collect();
-            let names = match (&names[..], entry.at) {
-                ([], At::Between) => {
-                    "two coordinates of one kind by whose difference no joint moves (at a joint that does, \
-                                      a torsion-spring is this)"
-                        .to_owned()
-                }
-                ([], At::Arm) => "a system with an arm: a body that has an angle (docs/effects.md)".to_owned(),
-                ([], At::Drive) => "a system with a drive".to_owned(),
-                ([], At::Input) => "a system with a measured input".to_owned(),
-                ([], At::Encoder) if entry.turning => "a system with a channel that shows an angle".to_owned(),
-                // Against the first channel nothing is late.
-                ([], At::Encoder) => {
-                    "a system with a second channel of a motion, whose delay against the first shows".to_owned()
-                }
-                ([], At::Joint) => "a system with a joint, or a coordinate with an equation of its own".to_owned(),
-                ([], At::Frame) => "a system whose frame may move: bodies under gravity".to_owned(),
-                (names, _) => format!("one of {}", names.join(", ")),
-            };
-            return Err(bad(text, format!("the place \"{}\"", given.at), names));
+            return Err(bad(text, format!("the place \"{}\"", given.at), place_wanted(&names, entry)));
         };
         let open = match place {
             Place::Joint(_) if places.is_some() && entry.names(LOAD) => {

@@ -307,12 +307,10 @@ fn nothing_to_measure(raw: &Raw, seen: &[Seen]) -> BadInput {
         (true, false) => format!("no column of numbers but the time ({})", left.join("; ")),
         _ => list.join(", "),
     };
-    let twice = raw.unused.iter().any(|s| s.why.contains("columns have this name"));
-    let remedy = match twice {
-        true => "Give every column of the header row a name of its own",
-        false => "Export the angles or displacements, one column each, beside the time",
-    };
-    BadInput::new(found, "a column that moves").in_file(&raw.path).at("columns").remedy(remedy)
+    BadInput::new(found, "a column that moves")
+        .in_file(&raw.path)
+        .at("columns")
+        .remedy("Export the angles or displacements, one column each, beside the time")
 }
 
 #[cfg(test)]

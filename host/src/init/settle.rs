@@ -28,7 +28,7 @@ const FEW_PERIODS: f64 = 60.0;
 const DRIVEN: f64 = 2.3;
 /// The same where no more is left than a third above the noise's power: a drive that is none takes
 /// something away, yet not all of what equations miss. A short record of a fast motion shows no more
-/// of its drive.
+/// of its drive (both by hand).
 const TO_NOISE: f64 = 0.7;
 const NOISE: f64 = 0.3;
 /// By how much less the best reading must leave, in ln(residual/noise power).

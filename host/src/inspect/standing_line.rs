@@ -26,9 +26,11 @@ const PERIODS: f64 = 30.0;
 /// Lines that are looked at, and the bins within which two are one.
 const MOST: usize = 12;
 const APART: usize = 3;
-/// Score from which a line alone, with no equations that ask for it, is told as a drive.
+/// Score from which a line alone, with no equations that ask for it, is told as a drive
+/// (by hand).
 const TOLD: f64 = 8.0;
-/// Least rms velocity of the last half over that of the first of a motion that something drives.
+/// Least rms velocity of the last half over that of the first of a motion that something drives (by
+/// hand).
 const KEEPS: f64 = 0.85;
 
 /// A line that stands.

@@ -50,6 +50,6 @@ fn a_cause_that_shows_is_named() {
         let units = format!("{}t,count1\n0,1\n", if marked { "\u{feff}" } else { "" });
         let bytes: Vec<u8> = units.encode_utf16().flat_map(u16::to_le_bytes).collect();
         let e = read(&bytes).unwrap_err().to_string();
-        assert!(e.contains("text in UTF-16") && e.contains("Save it as UTF-8"), "{e}");
+        assert!(e.contains("text in UTF-16") && e.contains("Save it as UTF-8") && e.contains("iconv -f UTF-16"), "{e}");
     }
 }

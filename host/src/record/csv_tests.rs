@@ -171,12 +171,6 @@ fn each_bad_input_has_its_message() {
     assert!(read(&mixed("0,125")).is_ok());
     // Cut within its last number.
     assert_eq!(read(rows(50).trim_end().trim_end_matches("49")).unwrap().samples(), 49);
-    for mark in ["\u{feff}", ""] {
-        let text = format!("{mark}t,count1\n0,1\n");
-        let bytes: Vec<u8> = text.encode_utf16().flat_map(u16::to_le_bytes).collect();
-        let told = Record::read(dir.file("u.csv", &bytes), &rig(), &ReadOptions::default()).unwrap_err().to_string();
-        assert!(told.contains("found a text in UTF-16") && told.contains("iconv -f UTF-16"), "{told}");
-    }
     assert!(Record::read(dir.0.path().join("none.csv"), &rig(), &ReadOptions::default()).is_err());
     assert!(Record::read(dir.0.path(), &rig(), &ReadOptions::default()).unwrap_err().to_string().contains("folder"));
 }

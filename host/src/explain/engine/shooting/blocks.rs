@@ -7,8 +7,8 @@
 //!
 //! A window, or a part of one ([`super::cut`]), is a block; every third is one fold, as in
 //! [`crate::explain::ranking`]. Each has a Gram matrix for every horizon that it is predicted over,
-//! with a weight of its own. Coefficients of laws that take energy away may not come out with the sign of laws that give it: one that would
-//! is held at zero and the others are fitted again.
+//! with a weight of its own. Coefficients of laws that take energy away may not come out with the
+//! sign of laws that give it: one that would is held at zero and the others are fitted again.
 
 mod even_noise;
 

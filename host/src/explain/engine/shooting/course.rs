@@ -275,8 +275,8 @@ impl<'a> Course<'a> {
             let from = |points, to: &mut Vec<f64>| driven.between(points, &mut registers, to);
             linear.normal(states, from, layout, &measured, cut)?
         };
-        let solved = normal.solved()?;
-        let parts = all.iter().map(|b| self.parts(b, &normal, &solved, is_cut)).collect::<Option<_>>()?;
+        let solved = if blocks > 1 { Some(normal.solved()?) } else { None };
+        let parts = all.iter().map(|b| self.parts(b, &normal, solved.as_ref(), is_cut)).collect::<Option<_>>()?;
         Some(Columns { alpha, normal, parts })
     }
 

@@ -61,11 +61,18 @@ pub fn blocks_of(setting: &Setting<'_>, all: &[Window]) -> usize {
 }
 
 impl Course<'_> {
-    /// A block over every horizon: in its window, by itself where it is not all of it, in segments.
-    pub fn parts(&self, block: &Block, window: &Normal, solved: &DMatrix<f64>, is_cut: bool) -> Option<Vec<Part>> {
+    /// A block over every horizon: in its window, with the initial state `solved` there, where it is
+    /// not all of it; by itself; in segments.
+    pub fn parts(
+        &self,
+        block: &Block,
+        window: &Normal,
+        solved: Option<&DMatrix<f64>>,
+        is_cut: bool,
+    ) -> Option<Vec<Part>> {
         let alone = || Some(Part { gram: block.alone.reduced()?, freedom: self.freedom(&block.alone) });
         let mut out = Vec::with_capacity(3);
-        if block.alone.rows < window.rows {
+        if let Some(solved) = solved {
             let share = block.alone.rows as f64 / window.rows as f64;
             out.push(Part { gram: block.of_window.left_by(solved)?, freedom: share * self.freedom(window) });
         }
