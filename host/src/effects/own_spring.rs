@@ -56,9 +56,13 @@ fn has_spring(file: &SystemFile, moves: &Polynomial, x: &Polynomial) -> bool {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
+
     use crate::effects::catalogue;
     use crate::effects::columns::{Action, Span, action, columns};
     use crate::effects::places::Place;
+    use crate::effects::written;
+    use crate::model::model_file::ModelFile;
     use crate::model::model_file::expression::Symbol;
     use crate::system::library;
 
@@ -112,6 +116,38 @@ value = \"-c*q1'\"
             }
             let beside = added(force, twist);
             assert!((beside + per * twist.clamp(-0.1, 0.1)).abs() < 1e-12 * per.abs(), "{twist} {beside}");
+        }
+    }
+    /// The same where equations are written down: the spring is what couples them.
+    #[test]
+    fn a_gap_takes_from_a_spring_between_written_equations() {
+        let added = |term: &str, twist: f64| {
+            let text = format!(
+                "name = \"m\"\ncoordinates = [{{ name = \"a\", space = \"R\" }}, {{ name = \"b\", space = \"R\" }}]\n\
+                 [[equation]]\nbalance = \"-a''\"\nterms = {{ k = \"{term}\" }}\n\
+                 [[equation]]\nbalance = \"-b''\"\nterms = {{ l = \"-({term})\" }}\n"
+            );
+            let model = ModelFile::parse(&text, Path::new("m.toml")).unwrap();
+            let values = [3.0, 6.0];
+            let mechanism = written::mechanism(&model, None, 1.0, &values).unwrap();
+            let parameters = written::parameters(&model, None, 1.0, &values).unwrap();
+            let entry = catalogue().iter().find(|e| e.id == "backlash").unwrap();
+            let place = Place::Joint(mechanism.file.as_ref().unwrap().joints.len() - 1);
+            let (form, span) = (vec![("b".to_owned(), 0.1)], Span { start_s: 0.0, length_s: 1.0 });
+            let Ok(Some(Action::Force(parts))) = action(entry, &form, place, &mechanism, &parameters, 1.0, span) else {
+                panic!("no force")
+            };
+            let all = columns(&parts, 2, &mechanism, &parameters);
+            let of = |e: usize| &all[0].iter().find(|(own, _)| *own == e).unwrap().1;
+            [0, 1].map(|e| of(e).value(&|s| if s == Symbol::Coordinate(1) { twist } else { 0.0 }))
+        };
+        let coupling = |twist: f64| added("a - b + 0.1*(a - b)^3", twist)[0];
+        for twist in [-0.3_f64, -0.05, 0.02, 0.3] {
+            let [first, second] = added("a - b", twist);
+            assert!((first - twist.clamp(-0.1, 0.1)).abs() < 1e-12, "{twist} {first}");
+            // The second has half the inertia of the first.
+            assert!((second + 2.0 * first).abs() < 1e-12, "{twist} {second}");
+            assert!((coupling(twist) + (twist - twist.clamp(-0.1, 0.1))).abs() < 1e-12, "{twist}");
         }
     }
 }

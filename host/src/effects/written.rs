@@ -40,6 +40,7 @@ use crate::model::model_file::{ModelFile, Space};
 use crate::rig::Direction;
 use crate::system::bodies::Body;
 use crate::system::derivative::{by_time, partial};
+use crate::system::forces::Force;
 use crate::system::joints::Joint;
 use crate::system::language::{Gravity, Parameter, Placed, SystemFile};
 use crate::system::mechanism::{Mechanism, Named};
@@ -102,7 +103,7 @@ pub fn parameters(model: &ModelFile, direction: Option<Direction>, omega: f64, v
 /// coordinate is both, under its own name (what moves along a line meets drag as well), and the
 /// difference of two that are coupled is a joint `q2-q1`.
 pub fn mechanism(model: &ModelFile, direction: Option<Direction>, omega: f64, values: &[f64]) -> Option<Mechanism> {
-    let pairs = inertias(model, omega, values)?.coupled;
+    let Inertias { coupled: pairs, springs, .. } = inertias(model, omega, values)?;
     let declared = model.mechanism.as_deref().and_then(|m| m.file.as_deref());
     let coordinate = |k: usize| Polynomial::motion(Symbol::Coordinate(k));
     let name = |k: usize| model.coordinates[k].name.clone();
@@ -163,7 +164,7 @@ pub fn mechanism(model: &ModelFile, direction: Option<Direction>, omega: f64, va
         kinetic: None,
         potential: None,
         joints,
-        forces: Vec::new(),
+        forces: springs.iter().map(|&(i, j)| Force::spring(&coordinate(j).minus(&coordinate(i)), j)).collect(),
         sensors: Vec::new(),
         quantities: Vec::new(),
         nominal: Vec::new(),

@@ -145,7 +145,8 @@ fn coordinates_without_names_are_places_themselves() {
     let file = m.file.unwrap();
     let joints: Vec<&str> = file.joints.iter().map(|j| j.name.as_str()).collect();
     assert_eq!(joints, ["a", "b", "x", "b-a"]);
-    let Inertias { scales, coupled } = inertias(&model, 1.0, &values).unwrap();
+    let Inertias { scales, coupled, springs } = inertias(&model, 1.0, &values).unwrap();
+    assert!(springs.is_empty());
     assert_eq!(coupled, [(0, 1)]);
     assert!((scales[1] - 0.25).abs() < 1e-12 && scales[0] == 1.0 && scales[2] == 1.0, "{scales:?}");
     // What no mechanics could be is not coupled.

@@ -23,6 +23,16 @@ pub struct Force {
     name: String,
 }
 
+impl Force {
+    /// A spring −p x that does work on a displacement x, p a parameter, which no file has written.
+    pub fn spring(along: &Polynomial, parameter: usize) -> Self {
+        let stiffness = Polynomial::atom(Atom::Parameter(parameter)).scaled(-1.0);
+        let force = along.times(&stiffness).unwrap_or_default();
+        let placed = |value: Polynomial| Placed { value, at: 0 };
+        Self { does_work_on: placed(along.clone()), value: placed(force), name: String::new() }
+    }
+}
+
 /// Reads the forces.
 ///
 /// # Errors

@@ -20,6 +20,8 @@ pub struct Inertias {
     pub scales: Vec<f64>,
     /// Pairs of coordinates that are coupled.
     pub coupled: Vec<(usize, usize)>,
+    /// Those of them between which there is a linear spring.
+    pub springs: Vec<(usize, usize)>,
 }
 
 /// D_e of every equation, and what is coupled; none where a coordinate has no inertia in its
@@ -66,7 +68,9 @@ pub fn inertias(model: &ModelFile, omega: f64, values: &[f64]) -> Option<Inertia
     }
     let scales = scales.into_iter().collect::<Option<Vec<f64>>>()?;
     coupled.sort_unstable();
-    Some(Inertias { scales, coupled })
+    let is_linear = |&(i, j): &(usize, usize)| is_constant(&stiffness[i][j]) && is_constant(&stiffness[j][i]);
+    let springs = coupled.iter().copied().filter(is_linear).collect();
+    Some(Inertias { scales, coupled, springs })
 }
 
 /// Pairs of `n` coordinates that nothing couples, not by way of others either: the ratio of their
@@ -79,6 +83,12 @@ pub(super) fn apart(n: usize, coupled: &[(usize, usize)]) -> Vec<(usize, usize)>
     }
     let all = (0..n).flat_map(|j| (0..j).map(move |i| (i, j)));
     all.filter(|&(i, j)| group[i] != group[j]).collect()
+}
+
+/// Whether a slope is the same wherever it is taken, and not none.
+fn is_constant(slope: &[f64]) -> bool {
+    let size = slope[0].abs();
+    size > 0.0 && slope.iter().all(|x| (x - slope[0]).abs() < UNCOUPLED * size)
 }
 
 fn sign_of(x: f64) -> Option<f64> {

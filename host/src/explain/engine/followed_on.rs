@@ -100,10 +100,17 @@ impl Run<'_> {
             return Ok(None);
         }
         let samples = |state: &State| state.followed.as_ref().map_or(0, Followed::samples);
-        let (before, blocks_before) = (self.told.state.clone(), self.setting.blocks);
+        let (before, windows) = (self.told.state.clone(), (self.setting.blocks, self.setting.points));
         self.setting.blocks = blocks;
         let candidates = offered::candidates(&self.setting, &self.told.state);
-        let longer = refit(&self.setting, &mut self.told.state, candidates);
+        let mut longer = refit(&self.setting, &mut self.told.state, candidates);
+        // What steps of integration leave adds up over longer windows.
+        let mut steps = shooting::Steps::default();
+        while let (Ok(_), Some(points)) = (&longer, steps.next(&self.setting, &self.told.state)) {
+            self.setting.points = points;
+            let candidates = offered::candidates(&self.setting, &self.told.state);
+            longer = refit(&self.setting, &mut self.told.state, candidates);
+        }
         if let Ok(longer) = longer
             && samples(&self.told.state) > samples(&before)
             && longer.power(&self.setting, &self.told.state)? < HOPELESS
@@ -111,7 +118,7 @@ impl Run<'_> {
             self.tell_again(&longer)?;
             return Ok(Some(longer));
         }
-        (self.told.state, self.setting.blocks) = (before, blocks_before);
+        (self.told.state, (self.setting.blocks, self.setting.points)) = (before, windows);
         Ok(None)
     }
 

@@ -201,6 +201,16 @@ fn settled(setting: &mut Setting<'_>, state: &mut State) -> bool {
         setting.sensors = sensors;
         settled = shooting::settle(setting, state);
     }
+    let mut steps = shooting::Steps::default();
+    while let (Some(_), Some(points)) = (&settled, steps.next(setting, state)) {
+        let before = (setting.points, state.clone());
+        setting.points = points;
+        let Some(finer) = shooting::settle(setting, state) else {
+            (setting.points, *state) = before;
+            break;
+        };
+        settled = Some(finer);
+    }
     if let Some((x, covariance)) = settled {
         // The paths go with these coefficients: from others a chaotic window may be led astray.
         state.take(setting, &x);

@@ -38,9 +38,9 @@ use crate::system::mechanism::Mechanism;
 use crate::warning::Warning;
 
 /// Turn of the motion between two points, rad: forces are integrated to (0.4)⁴/720.
-/// Most points to a sample.
 const MOST_TURN: f64 = 0.4;
-const MOST_POINTS: f64 = 16.0;
+/// Most points to a sample.
+pub const MOST_POINTS: f64 = 16.0;
 
 /// The record and the system.
 pub struct Setting<'a> {

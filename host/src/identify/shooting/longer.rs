@@ -16,12 +16,14 @@
 use nalgebra::{DMatrix, DVector};
 
 use super::covariance::{Covariance, covariance};
+use super::finer::minimise_finely;
 use super::problem::{Piece, Problem};
 use super::run::{Outcome, noise_ratio};
-use super::solve::{Bounds, Start, minimise};
+use super::solve::{Bounds, Start};
 use crate::identify::jackknife::widening;
 use crate::identify::track::Track;
 use crate::model::dynamics::Dynamics;
+use crate::model::flow::Work;
 
 /// Parts of a record between which scores scatter (by hand).
 const PARTS: usize = 24;
@@ -44,6 +46,8 @@ pub const EXACT: f64 = 1e-6;
 pub const GROWTH: usize = 4;
 /// Shortest beginning over which an initial state is sought, samples.
 const FIRST_SAMPLES: usize = 16;
+/// Growth over a beginning from which no better parameters make it less than [`GROWN`] (by hand).
+const RUNS_AWAY: f64 = 10.0 * GROWN;
 
 /// Where longer pieces begin.
 pub struct From<'a> {
@@ -150,17 +154,14 @@ fn at_length<D: Dynamics + ?Sized>(problem: &Problem<'_, D>, track: &Track<'_>, 
     let step_s = track.step_s(problem.dynamics, &pieces, &guesses, own, PERIOD_SAMPLES * track.spacing_s, EXACT);
     let problem = Problem { step_s, ..*problem };
     let mut room = problem.room(false);
-    let mut states = Vec::with_capacity(pieces.len());
-    for (piece, guess) in pieces.iter().zip(&guesses) {
-        let count = piece.measured.len() / problem.sensors.len().max(1);
-        let lengths: Vec<usize> =
-            (0..usize::BITS).map(|k| FIRST_SAMPLES << k).take_while(|l| *l < count).chain([count]).collect();
-        states.push(problem.fit_state(piece, guess, parameters, &lengths, &mut room)?.0);
-    }
-    let fit = minimise(&problem, &pieces, Start { parameters, states }, from.bounds, TOLERANCE, ROUNDS, &mut || {})?;
+    let found = pieces.iter().zip(&guesses).map(|(piece, guess)| begun(&problem, piece, guess, parameters, &mut room));
+    let states: Vec<Vec<f64>> = found.collect::<Option<_>>()?;
+    let start = Start { parameters, states };
+    let (fit, step_s) = minimise_finely(&problem, &pieces, start, from.bounds, TOLERANCE, ROUNDS, &mut || {})?;
     if !fit.converged {
         return None;
     }
+    let problem = Problem { step_s, ..problem };
     let least = covariance(&fit.shares, problem.states(), &fit.held, 0.0)?;
     let (estimate, parts) = by_parts(&problem, &pieces, &fit.states, &fit.parameters, &fit.held)?;
     let widen = DVector::from_fn(fit.held.len(), |i, _| {
@@ -181,6 +182,28 @@ fn at_length<D: Dynamics + ?Sized>(problem: &Problem<'_, D>, track: &Track<'_>, 
     })
 }
 
+/// The initial state of a piece, sought over longer and longer beginnings. None where one has no
+/// solution, or errors of the state grow far over it: over the whole piece they grow farther, and the
+/// search for a state of which every digit counts takes all its rounds.
+fn begun<D: Dynamics + ?Sized>(
+    problem: &Problem<'_, D>,
+    piece: &Piece,
+    guess: &[f64],
+    parameters: &[f64],
+    room: &mut Work,
+) -> Option<Vec<f64>> {
+    let count = piece.measured.len() / problem.sensors.len().max(1);
+    let mut state = guess.to_vec();
+    for length in (0..usize::BITS).map(|k| FIRST_SAMPLES << k).take_while(|l| *l < count).chain([count]) {
+        state = problem.fit_state(piece, &state, parameters, &[length], room)?.0;
+        let (_, by_state) = problem.linear(&problem.head(piece, length), &state, parameters)?;
+        if growth(problem, &by_state) > RUNS_AWAY {
+            return None;
+        }
+    }
+    Some(state)
+}
+
 /// The covariance by the scatter of scores between parts of the record, and how many there are.
 fn by_parts<D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
@@ -196,7 +219,7 @@ fn by_parts<D: Dynamics + ?Sized>(
     for (piece, state) in pieces.iter().zip(states) {
         let (left, by) = problem.linear_by_all(piece, state, parameters)?;
         let by_state = by.columns(0, x).into_owned();
-        if grows(problem, &by_state) {
+        if growth(problem, &by_state) > GROWN {
             return None;
         }
         let of_free = DMatrix::from_fn(by.nrows(), free.len(), |i, j| by[(i, x + free[j])]);
@@ -222,14 +245,14 @@ fn by_parts<D: Dynamics + ?Sized>(
     Some((out, g))
 }
 
-/// Whether an initial state that is off by the sensors' noise is off by more than [`GROWN`] times
-/// that somewhere along a piece, given derivatives of what sensors show by it, in their noise.
-fn grows<D: Dynamics + ?Sized>(problem: &Problem<'_, D>, by_state: &DMatrix<f64>) -> bool {
+/// By how many times that an initial state which is off by the sensors' noise is off where it is most
+/// along a piece, given derivatives of what sensors show by it, in their noise.
+fn growth<D: Dynamics + ?Sized>(problem: &Problem<'_, D>, by_state: &DMatrix<f64>) -> f64 {
     let n = problem.dynamics.degrees_of_freedom();
     // Every coordinate by the noise of the sensor that shows it.
     let mut beside = DVector::zeros(by_state.ncols());
     for (weights, sigma) in problem.sensors.iter().zip(problem.sigma) {
         weights.iter().take(n).zip(beside.iter_mut()).filter(|w| *w.0 != 0.0).for_each(|(_, x)| *x += sigma);
     }
-    (by_state * beside).amax() > GROWN
+    (by_state * beside).amax()
 }

@@ -13,6 +13,8 @@
 //! residuals then exceed the noise, which is said.
 
 pub mod covariance;
+pub mod finer;
+pub mod first_step;
 pub mod longer;
 pub mod problem;
 mod result;

@@ -2,21 +2,24 @@
 //!
 //! 1. The step of integration: the longest whose solution over a whole piece differs from that of
 //!    half the step by less than `STEP_ERROR` of the sensors' noise (`WORST_STEP_ERROR` in the
-//!    worst piece).
+//!    worst piece); over beginnings first where the motion is unstable ([`first_step`](super::first_step)).
 //! 2. Pieces of 1T, then 2T (at most `FEW` of them, spread over the record): states and parameters.
 //!    A short piece bears a poor start; a long one knows the parameters better, since small changes
 //!    grow along it.
 //! 3. All pieces of full length (4T): each state alone, over 1T, 2T, 4T, then states and parameters
-//!    together.
+//!    together; with finer steps of integration where these would move the parameters ([`finer`](super::finer)).
 //!    Where too few pieces of a level can be followed, those of the level before are the longest
 //!    that can: chaos has grown over the sensors' noise and the parameters' errors.
 //! 4. Sensors whose residuals differ from their noise are weighted by what they leave, and a piece
 //!    that the model cannot follow where it follows all others (a mean square of `LOST` times the
-//!    median) is left out and counted; then once more.
+//!    median, or a state that finds no rest and keeps the parameters from theirs) is left out and
+//!    counted; then once more.
 
 use rayon::prelude::*;
 
 use super::covariance::{self, Covariance};
+use super::finer::minimise_finely;
+use super::first_step::FirstStep;
 use super::problem::{Piece, Problem, Share};
 use super::solve::{Bounds, ShootingFit, Start, minimise};
 use crate::error::BadInput;
@@ -31,8 +34,10 @@ const FEW: usize = 96;
 const STEP_ERROR: f64 = 0.03;
 /// Steps are not sought below this share of a sample: a motion that its samples hold needs none,
 /// and noise may be as good as nothing.
-const FINEST: f64 = 0.125;
-/// The same in the worst piece.
+pub(super) const FINEST: f64 = 0.125;
+/// Steps of a period at first.
+pub(super) const FIRST_STEPS: f64 = 20.0;
+/// [`STEP_ERROR`] in the worst piece.
 const WORST_STEP_ERROR: f64 = 0.15;
 /// Mean square of a piece, in medians, from which it counts as lost.
 const LOST: f64 = 25.0;
@@ -152,8 +157,8 @@ pub fn run<D: Dynamics + ?Sized>(
     tick: &mut dyn FnMut(),
 ) -> Result<Outcome, Failure> {
     let Levels { samples: levels, most_left } = levels;
-    let period = problem.step_s;
-    problem.step_s = integration_step(&problem, &pieces, &guesses, start, period);
+    let first = FirstStep::new(&problem, &pieces, &guesses, start, levels[0]);
+    problem.step_s = first.step_s;
     let mut parameters = start.to_vec();
     let stride = pieces.len().div_ceil(FEW).max(1);
     let mut before = None;
@@ -184,6 +189,7 @@ pub fn run<D: Dynamics + ?Sized>(
         followed(problem, whole.clone(), &guesses, parameters, levels, (before, most_lost)).ok_or(too_long)
     };
     let (mut pieces, mut states) = refitted(&problem, &parameters, MOST_LOST_AT_FIRST)?;
+    problem.step_s = first.with_states(&problem, &pieces, &states, &parameters);
     tick();
     let mut rounds = 0;
     let given = problem.sigma.to_vec();
@@ -191,8 +197,10 @@ pub fn run<D: Dynamics + ?Sized>(
     for last in [false, true] {
         let weighted = Problem { sigma: &sigma, ..copy(&problem) };
         let start = Start { parameters: &parameters, states: states.clone() };
-        let fit =
-            minimise(&weighted, &pieces, start, bounds, TOLERANCE, MOST_ROUNDS, tick).ok_or(Failure::NothingFollows)?;
+        let (fit, step_s) = minimise_finely(&weighted, &pieces, start, bounds, TOLERANCE, MOST_ROUNDS, tick)
+            .ok_or(Failure::NothingFollows)?;
+        problem.step_s = step_s;
+        let weighted = Problem { step_s, ..weighted };
         rounds += fit.rounds;
         let ratio = noise_ratio(&fit.shares, problem.states());
         let even = ratio.iter().all(|r| (r / ratio[0] - 1.0).abs() < 0.1);
@@ -295,7 +303,7 @@ fn mean_square(share: &Share) -> f64 {
 fn without_lost(pieces: &[Piece], fit: &ShootingFit) -> (Vec<Piece>, Vec<Vec<f64>>) {
     let mean: Vec<f64> = fit.shares.iter().map(mean_square).collect();
     let usual = median(&mut mean.clone());
-    let kept = |i: &usize| mean[*i] <= LOST * usual;
+    let kept = |i: &usize| mean[*i] <= LOST * usual && !fit.astray.contains(i);
     (0..pieces.len()).filter(kept).map(|i| (pieces[i].clone(), fit.states[i].clone())).unzip()
 }
 
@@ -349,7 +357,7 @@ pub fn integration_step<D: Dynamics + ?Sized>(
         let p = Problem { step_s, ..copy(problem) };
         pieces.par_iter().zip(guesses).map(|(piece, state)| p.residuals(piece, state, parameters)).collect()
     };
-    let mut step = period_s / 20.0;
+    let mut step = period_s / FIRST_STEPS;
     let mut coarse = run(step);
     for _ in 0..12 {
         let fine = run(step / 2.0);

@@ -5,6 +5,11 @@
 //! piece's own step is δx = −H_xx⁻¹ (g_x + H_xp δp) (Schur complement): the cost of a step grows
 //! linearly with the number of pieces. Damping multiplies the diagonals by 1 + μ. Bounds: a
 //! parameter that stands at its bound and would leave it is held there.
+//!
+//! A piece that begins while a joint sticks may never come to rest: an initial rate v is lost within
+//! v²/2|a|, so that the derivatives by it vanish as it does, its step grows beyond all bounds, and
+//! every joint step is refused for that piece alone. Where rounds are used up the parameters are
+//! looked at without such pieces (`stuck`).
 
 use nalgebra::{Cholesky, DMatrix, DVector, Dyn};
 use rayon::prelude::*;
@@ -18,6 +23,13 @@ const WORSE: f64 = 1.0;
 /// Share of the pieces whose states need not have come to rest (by hand): near a solution that
 /// nearly stops or turns over a state creeps on (30 rounds were seen), while the parameters stand.
 const CREEPING: f64 = 0.02;
+/// Damping of a step that is as good as none.
+const UNDAMPED: f64 = 1e-9;
+/// Share of the pieces whose states may still promise something where rounds are used up: as many
+/// as may be lost ([`super::run::MOST_LOST`]).
+const MOST_STUCK: f64 = super::run::MOST_LOST;
+/// Promise of a state, in squared standard errors, from which its piece is astray: five of them.
+const ASTRAY: f64 = 25.0;
 
 /// Where the minimisation stands.
 #[derive(Clone, Debug)]
@@ -30,10 +42,13 @@ pub struct ShootingFit {
     pub shares: Vec<Share>,
     /// Rounds taken.
     pub rounds: usize,
-    /// Whether the last step was small enough.
+    /// Whether the last step was small enough, or only pieces that tell no more of the parameters
+    /// were still moving.
     pub converged: bool,
     /// Parameters held at a bound.
     pub held: Vec<bool>,
+    /// Pieces whose states are far from where they would rest; none where it converged.
+    pub astray: Vec<usize>,
 }
 
 /// Lowest and highest value of each parameter.
@@ -147,6 +162,42 @@ fn follow<D: Dynamics + ?Sized>(
     Some((moved, complete(shares)?))
 }
 
+/// Pieces that keep a fit from its rest.
+struct Stuck {
+    /// Whether the parameters rest all the same: their step promises nothing, and without these few
+    /// pieces they would stay within a standard error each.
+    harmless: bool,
+    /// Those whose states are far from where they would rest.
+    astray: Vec<usize>,
+}
+
+/// What still promises something where rounds are used up, of pieces with `x` unknowns each. None
+/// where the normal equations are singular.
+fn stuck(shares: &[Share], x: usize, held: &[bool], tolerance: f64) -> Option<Stuck> {
+    let p = held.len();
+    let values: f64 = shares.iter().map(|s| (s.samples * s.squares.len()) as f64 - x as f64).sum();
+    let unit = shares.iter().map(Share::cost).sum::<f64>() / values.max(1.0);
+    let reduced: Vec<Reduced> = shares.iter().map(|s| reduce(s, x, UNDAMPED)).collect::<Option<_>>()?;
+    let of = |kept: &dyn Fn(usize) -> bool| {
+        let none: (DMatrix<f64>, DVector<f64>) = (DMatrix::zeros(p, p), DVector::zeros(p));
+        let all = reduced.iter().enumerate().filter(|r| kept(r.0));
+        all.fold(none, |(normal, gradient), (_, r)| (normal + &r.normal, gradient + &r.gradient))
+    };
+    let promised = |(normal, gradient): &(DMatrix<f64>, DVector<f64>)| {
+        let step = solve_scaled(normal, &-gradient, UNDAMPED, held)?;
+        Some((-step.dot(gradient) / unit, step))
+    };
+    let (promise, step) = promised(&of(&|_: usize| true))?;
+    let own: Vec<f64> = reduced.iter().map(|r| -r.own_step(&step).dot(&r.own) / unit).collect();
+    // What is no number is no rest either.
+    let from = |least: f64| -> Vec<usize> { (0..own.len()).filter(|k| own[*k].is_nan() || own[*k] >= least).collect() };
+    let (moving, astray) = (from(tolerance), from(ASTRAY));
+    let few = moving.len() as f64 <= MOST_STUCK * own.len() as f64;
+    let free = held.iter().filter(|h| !**h).count() as f64;
+    let harmless = promise < tolerance && few && promised(&of(&|k: usize| !moving.contains(&k)))?.0 <= free;
+    Some(Stuck { harmless, astray })
+}
+
 /// Where a search begins.
 pub struct Start<'a> {
     /// Parameters.
@@ -173,7 +224,7 @@ pub fn minimise<D: Dynamics + ?Sized>(
     let mut parameters = clip(start.parameters);
     let mut states = start.states;
     let mut shares = complete(problem.shares(pieces, &states, &parameters))?;
-    let (mut damping, mut rounds, mut converged) = (1e-9, 0, false);
+    let (mut damping, mut rounds, mut converged) = (UNDAMPED, 0, false);
     let mut held = vec![false; parameters.len()];
     while rounds < most && !converged {
         let cost: f64 = shares.iter().map(Share::cost).sum();
@@ -215,7 +266,7 @@ pub fn minimise<D: Dynamics + ?Sized>(
             Some((new_states, new)) if new.iter().map(Share::cost).sum::<f64>() <= cost => {
                 (parameters, states, shares) = (trial, new_states, new);
                 converged = small;
-                damping = if damping > 1e-9 { (damping * 0.01).max(1e-9) } else { damping };
+                damping = if damping > UNDAMPED { (damping * 0.01).max(UNDAMPED) } else { damping };
             }
             // At the minimum, to what kinks and rounding leave, no step lowers the cost.
             _ if small => converged = true,
@@ -223,5 +274,52 @@ pub fn minimise<D: Dynamics + ?Sized>(
             _ => break,
         }
     }
-    Some(ShootingFit { parameters, states, shares, rounds, converged, held })
+    let left = if converged { None } else { stuck(&shares, x, &held, tolerance) };
+    let converged = converged || left.as_ref().is_some_and(|s| s.harmless);
+    let astray = left.filter(|_| !converged).map_or_else(Vec::new, |s| s.astray);
+    Some(ShootingFit { parameters, states, shares, rounds, converged, held, astray })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A piece of a hundred samples that knows one parameter and one state, with the gradients of
+    /// both.
+    fn piece(by_state: f64, by_parameter: f64) -> Share {
+        Share {
+            normal: DMatrix::from_row_slice(2, 2, &[4.0, 1.0, 1.0, 9.0]),
+            gradient: DVector::from_column_slice(&[by_state, by_parameter]),
+            squares: vec![99.0],
+            samples: 100,
+        }
+    }
+
+    fn of(shares: &[Share]) -> Stuck {
+        stuck(shares, 1, &[false], 1e-2).unwrap()
+    }
+
+    /// A state's gradient g leaves g/4 of itself in that of the parameter: with a quarter of it there,
+    /// a piece says nothing of the parameter.
+    #[test]
+    fn a_state_at_a_kink_keeps_no_fit_from_its_rest() {
+        let rest = |_| piece(0.0, 0.0);
+        let mut shares: Vec<Share> = (0..20).map(rest).collect();
+        assert!(of(&shares).harmless && of(&shares).astray.is_empty());
+        shares[7] = piece(30.0, 7.5);
+        let found = of(&shares);
+        assert!(found.harmless && found.astray == [7], "{:?}", found.astray);
+        // Too many of them, one that is all, and parameters that would still move.
+        (0..3).for_each(|k| shares[k] = piece(3.0, 0.75));
+        assert!(!of(&shares).harmless && of(&shares).astray == [7]);
+        assert!(!of(&[piece(3.0, 0.75)]).harmless);
+        let mut shares: Vec<Share> = (0..20).map(rest).collect();
+        shares[3] = piece(0.0, 20.0);
+        assert!(!of(&shares).harmless);
+        // At rest with a piece whose gradient the others hold against: without it they would go far.
+        let against = 40.0 / 19.0;
+        let mut shares: Vec<Share> = (0..20).map(|_| piece(0.0, -against)).collect();
+        shares[7] = piece(30.0, 7.5 + 40.0);
+        assert!(!of(&shares).harmless);
+    }
 }

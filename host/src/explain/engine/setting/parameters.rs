@@ -82,6 +82,8 @@ pub struct Physical {
 /// Largest relative change of a parameter that the slopes are trusted for: a mass stays one. One
 /// whose standard error is more is held where it is while coefficients are fitted.
 const MOST_MOVED: f64 = 0.5;
+/// Relative step of a coefficient for a slope.
+const SLOPE_STEP: f64 = 1e-5;
 
 impl Physical {
     /// The same where the coefficients without dampings are by so much others, to first order and by
@@ -95,6 +97,35 @@ impl Physical {
         let most = self.values.iter().zip(step.iter()).map(relative).fold(0.0, f64::max);
         let share = if most > MOST_MOVED { MOST_MOVED / most } else { 1.0 };
         Self { values: self.values.iter().zip(step.iter()).map(|(p, d)| p + share * d).collect(), ..self.clone() }
+    }
+
+    /// The same of written equations where inertias follow from their coefficients, of that
+    /// covariance.
+    fn following(self, model: &ModelFile, rig: &Rig, covariance: &DMatrix<f64>) -> Self {
+        let (omega, n, own) = (rig.omega(), model.equations.len(), &self.written);
+        let mut slopes = DMatrix::zeros(self.values.len(), own.len());
+        for j in 0..own.len() {
+            let step = SLOPE_STEP * own[j].abs();
+            let at = |by: f64| {
+                let mut all = own.clone();
+                all[j] += by;
+                written::inertias(model, omega, &all).filter(|_| step > 0.0)
+            };
+            let (Some(high), Some(low)) = (at(step), at(-step)) else { continue };
+            (0..n).for_each(|e| slopes[(e, j)] = (high.scales[e] - low.scales[e]) / (2.0 * step));
+        }
+        let mut open = self.open;
+        for (e, open) in open.iter_mut().enumerate() {
+            let row = slopes.row(e);
+            let error = (row * covariance * row.transpose())[(0, 0)].max(0.0).sqrt();
+            // The first of those that are coupled is the unit of what acts there.
+            let follows = row.iter().any(|x| *x != 0.0) && error <= MOST_MOVED * self.values[e].abs();
+            if !follows {
+                slopes.row_mut(e).fill(0.0);
+            }
+            *open = !follows;
+        }
+        Self { slopes, open, ..self }
     }
 
     /// Whether the inertia of an equation stays open: it is the unit of what acts there, and is held
@@ -115,8 +146,11 @@ impl Setting<'_> {
     /// have.
     pub fn physical(&self, values: &DVector<f64>, covariance: &DMatrix<f64>, near: &Physical) -> Option<Physical> {
         if self.is_written() {
-            let values = self.own.coefficients(values.as_slice(), 0);
-            return of_equations(self.model(), self.rig, &values);
+            let own = self.own.coefficients(values.as_slice(), 0);
+            let found = of_equations(self.model(), self.rig, &own)?;
+            // Several records may have coefficients of their own.
+            let is_one = own.len() == values.len();
+            return Some(if is_one { found.following(self.model(), self.rig, covariance) } else { found });
         }
         let mechanism = self.mechanism()?;
         let names = self.model().coefficients();

@@ -124,6 +124,13 @@ impl Blocks {
         self.windows.iter().map(|w| w.iter().map(of).collect()).collect()
     }
 
+    /// The sum of squares that is left of each block over its longest horizon, and its degrees of
+    /// freedom.
+    pub fn squares_left(&self, x: &DVector<f64>) -> Vec<(f64, f64)> {
+        let both = self.misfits(x).into_iter().zip(&self.windows);
+        both.map(|(misfit, parts)| (misfit[0] * parts[0].freedom.max(1.0), parts[0].freedom)).collect()
+    }
+
     /// The same with some of the own columns' coefficients at nothing: columns that are not fitted
     /// then count as taken away.
     #[must_use]

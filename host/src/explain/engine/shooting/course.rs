@@ -42,6 +42,8 @@ pub struct Course<'a> {
     weights: Vec<Vec<f64>>,
     sigma: Vec<f64>,
     omega: f64,
+    /// Points to a sample.
+    points: usize,
     /// Sample of each stretch from which states of effects are known.
     begins: Vec<usize>,
 }
@@ -106,7 +108,13 @@ impl<'a> Course<'a> {
         let shown = state.stretches.iter().map(|s| s.sensors(&setting.bound)).collect();
         let Track { sensors: weights, sigma, .. } = state.undriven_track(setting);
         let begins = state.stretches.iter().map(|s| state.forgets(s)).collect();
-        Self { setting, state, between, shown, weights, sigma, omega, begins }
+        Self { setting, state, between, shown, weights, sigma, omega, points: setting.points, begins }
+    }
+
+    /// The same with so many points to a sample.
+    #[must_use]
+    pub fn with_points(self, points: usize) -> Self {
+        Self { points, ..self }
     }
 
     /// The same where sensors showed something else, by stretch and sensor.
@@ -132,7 +140,7 @@ impl<'a> Course<'a> {
             between: &self.between[w.stretch],
             first: path.first + w.first,
             omega: self.omega,
-            points: self.setting.points,
+            points: self.points,
         }
     }
 

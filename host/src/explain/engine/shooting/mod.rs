@@ -37,6 +37,7 @@
 //! | [`quieter`](mod@quieter) | the sensors' noise where it was taken for too much |
 //! | [`remade`](mod@remade) | what is left of records that the model itself makes |
 //! | [`stage`](mod@stage) | windows of one length until they stand still |
+//! | [`steps`] | steps of integration that do not show |
 //! | [`signs`] | coefficients that keep their sign |
 //! | [`window_inputs`] | time, phase, inputs along a window |
 
@@ -55,6 +56,7 @@ mod remade;
 pub mod signs;
 mod slipped;
 mod stage;
+mod steps;
 mod strips;
 mod window_inputs;
 
@@ -70,6 +72,7 @@ use self::path::{FEWEST_SAMPLES, Path, Window, windows};
 pub use self::quieter::quieter;
 pub use self::remade::{RECORDS, record as remade_record, remade};
 use self::stage::{is_applied, stage};
+pub use self::steps::Steps;
 use super::candidates::{Candidate, Column};
 use super::setting::Setting;
 use super::state::State;
