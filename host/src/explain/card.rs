@@ -3,6 +3,7 @@
 use std::collections::BTreeSet;
 use std::path::Path;
 
+use super::engine::changed::Changed;
 use super::explanation::{Found, Limit};
 use super::gap::{AtHorizon, Miss};
 use super::reason::{Criterion, Reason};
@@ -113,6 +114,10 @@ fn sentence(e: &Explanation) -> String {
         Verdict::NothingMissing => format!("Nothing is missing: {change}, which is noise alone."),
         Verdict::Unexplained => {
             let far = if found.is_empty() { String::new() } else { format!(" Found so far: {found}; {change}.") };
+            if let Some(changed) = depends_on_time(e) {
+                let stands_in = if far.is_empty() { "" } else { " What was found so far may only stand in for that." };
+                return format!("What is missing depends on time: {}.{far}{stands_in}", changed.told());
+            }
             let is_of_shapes = |d: &DecidedBy| matches!(d.what, Criterion::Shape | Criterion::Pieces);
             let number = e.decided_by.as_ref().filter(|d| d.value > d.limit && !is_of_shapes(d));
             let why = number.map_or_else(|| without_number(&e.reason), above);
@@ -130,6 +135,14 @@ fn sentence(e: &Explanation) -> String {
             let why = e.reason.to_string();
             format!("This record cannot decide what the model lacks: {}.", why.trim_end_matches('.'))
         }
+    }
+}
+
+/// How what is left depends on time, where it does.
+fn depends_on_time(e: &Explanation) -> Option<&Changed> {
+    match &e.reason {
+        Reason::Excess { changed, .. } => changed.as_ref(),
+        _ => None,
     }
 }
 
@@ -157,7 +170,7 @@ fn without_number(reason: &Reason) -> String {
     match reason {
         Reason::Shape { shape, .. } => shape.told(),
         Reason::Patched { patch, .. } => patch.to_string(),
-        Reason::Excess { residual, shape: Some(shape) } => format!("{residual}; {}", shape.told()),
+        Reason::Excess { residual, shape: Some(shape), .. } => format!("{residual}; {}", shape.told()),
         Reason::Excess { .. } | Reason::Noise(_) | Reason::Undecidable(_) | Reason::Unjudged => reason.to_string(),
     }
 }
@@ -268,7 +281,8 @@ fn undecided(e: &Explanation) -> Vec<String> {
             let name = names::effect(&r.name());
             out.push(format!("Close, but not taken: {name} ({}).", r.why));
         }
-        out.push("Describe a law of your own in a file and try it with --effects FILE.toml, or record slower and larger motions.".to_owned());
+        let law = "Describe a law of your own in a file and try it with --effects FILE.toml, or record slower and larger motions.";
+        out.push(depends_on_time(e).map_or_else(|| law.to_owned(), Changed::advice));
     }
     out
 }

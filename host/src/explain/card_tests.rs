@@ -90,7 +90,7 @@ fn open(what: Criterion, value: f64, reason: Reason) -> Explanation {
 
 #[test]
 fn an_open_verdict_tells_the_number_that_decided_it() {
-    let excess = || Reason::Excess { residual: residual(), shape: None };
+    let excess = || Reason::Excess { residual: residual(), shape: None, changed: None };
     for (what, value, words) in [
         (
             Criterion::Gap { horizon_s: 0.4 },
@@ -124,6 +124,24 @@ fn an_open_verdict_tells_the_number_that_decided_it() {
         "{told}"
     );
     assert!(told.contains("; a torque at joint2 that depends on the angle of joint2 takes away 2.0 %"), "{told}");
+}
+
+/// When something changed is told first, and what to do about that.
+#[test]
+fn what_changed_in_the_middle_is_told_first() {
+    let changed =
+        Changed { at_s: 29.94, within_s: [27.38, 32.5], drifts: false, powers: [1.0, 300.0], apart: None, most: 1.05 };
+    let reason = Reason::Excess { residual: residual(), shape: None, changed: Some(changed) };
+    let mut e = open(Criterion::Power, 150.0, reason);
+    let told = card(&e, &rig());
+    let first = "What is missing depends on time: before about t = 29.94 s the model leaves nothing but noise, after it \
+                 300 times the power of the sensors' noise: something in the rig changed then.";
+    assert!(told.verdict.starts_with(first), "{}", told.verdict);
+    assert!(told.verdict.ends_with("What was found so far may only stand in for that."), "{}", told.verdict);
+    let advice = told.undecided.last().unwrap();
+    assert!(advice.contains("`--to 27.38` and with `--from 32.5`") && !advice.contains("larger"), "{advice}");
+    e.effects.clear();
+    assert!(card(&e, &rig()).verdict.ends_with("changed then."));
 }
 
 /// Names and units are the user's: one that reads like a piece of a sentence is told whole.

@@ -150,7 +150,7 @@ pub(super) struct Left {
 
 impl Left {
     /// Power up to which nothing counts as left.
-    fn most_power(&self) -> f64 {
+    pub(super) fn most_power(&self) -> f64 {
         self.remade.map_or(EXPLAINED_POWER, |(mean, error)| most_power(mean, error))
     }
 
@@ -245,7 +245,7 @@ pub(super) fn decide(result: &mut Explanation, undecidable: Option<Undecidable>,
             result.effects.clear();
             (Verdict::NotDecidable, Reason::Undecidable(why))
         }
-        (None, true, _) => (Verdict::Unexplained, Reason::Excess { residual, shape }),
+        (None, true, _) => (Verdict::Unexplained, Reason::Excess { residual, shape, changed: None }),
         (None, false, _) if let Some(shape) = shape => (Verdict::Unexplained, Reason::Shape { residual, shape }),
         (None, false, true) => (Verdict::NothingMissing, Reason::Noise(residual)),
         (None, false, false) if let Some(patch) = rest.patched => {

@@ -5,6 +5,7 @@ use core::fmt::{self, Display, Formatter};
 
 use serde::{Serialize, Serializer};
 
+use super::engine::changed::Changed;
 use super::engine::unknown::Unknown;
 use super::gap::Miss;
 use crate::wording::format::{rounded, shortest, significant};
@@ -66,6 +67,8 @@ pub enum Reason {
         residual: Residual,
         /// Its shape, where one is clear.
         shape: Option<Unknown>,
+        /// How it depends on time, where it does.
+        changed: Option<Changed>,
     },
     /// What is left is within noise, but with a shape without a name the model predicts clearly
     /// better.
@@ -90,8 +93,13 @@ impl Display for Reason {
             Self::Unjudged => Ok(()),
             Self::Undecidable(why) => why.fmt(f),
             Self::Noise(residual) => residual.fmt(f),
-            Self::Excess { residual, shape: None } => write!(f, "{residual}; {NAMELESS}"),
-            Self::Excess { residual, shape: Some(shape) } => write!(f, "{residual}; {}: {NAMELESS}", shape.told()),
+            Self::Excess { residual, changed: Some(changed), .. } => {
+                write!(f, "{residual}; it depends on time: {}", changed.told())
+            }
+            Self::Excess { residual, shape: None, .. } => write!(f, "{residual}; {NAMELESS}"),
+            Self::Excess { residual, shape: Some(shape), .. } => {
+                write!(f, "{residual}; {}: {NAMELESS}", shape.told())
+            }
             Self::Shape { residual, shape } => write!(f, "{residual}, but {}: {NAMELESS}", shape.told()),
             Self::Patched { residual, patch } => write!(f, "{residual}, but {patch}"),
         }

@@ -42,13 +42,17 @@ fn what_is_left_has_its_words() {
         "a torque at joint2 that depends on the drive phase takes away 12 % of what is left where it was not fitted";
     let none = "no effect of the list accounts for it";
     let effects = || vec!["backlash".to_owned(), "cogging".to_owned()];
+    let changed =
+        Changed { at_s: 30.0, within_s: [28.0, 32.0], drifts: false, powers: [1.0, 90.0], apart: None, most: 1.05 };
+    let excess = |shape, changed| Reason::Excess { residual: residual(), shape, changed };
     let patch = Patch { place: "joint1".to_owned(), effects: effects(), is_bend: false };
     let bend = Patch { place: "encoder1".to_owned(), effects: effects(), is_bend: true };
     for (reason, sentence) in [
         (Reason::Unjudged, String::new()),
         (Reason::Noise(residual()), noise.to_owned()),
-        (Reason::Excess { residual: residual(), shape: None }, format!("{noise}; {none}")),
-        (Reason::Excess { residual: residual(), shape: Some(shape()) }, format!("{noise}; {torque}: {none}")),
+        (excess(None, None), format!("{noise}; {none}")),
+        (excess(Some(shape()), None), format!("{noise}; {torque}: {none}")),
+        (excess(Some(shape()), Some(changed.clone())), format!("{noise}; it depends on time: {}", changed.told())),
         (Reason::Shape { residual: residual(), shape: shape() }, format!("{noise}, but {torque}: {none}")),
         (
             Reason::Patched { residual: residual(), patch: bend },

@@ -16,6 +16,7 @@
 //! bends as well. W and the polynomial's degree are those with which the height of a step is least
 //! uncertain over the record: the better the smaller the band of the motion.
 
+use super::height;
 use super::local_fit::{Fitted, Shape, Window, fit};
 use super::screen::Suspect;
 use super::tail;
@@ -23,17 +24,15 @@ use super::trace::Trace;
 use crate::statistics::{median, quantile};
 
 /// Half widths and degrees that are tried, and those that follow a swing of a few samples.
-const WINDOWS: [(usize, usize); 6] = [(5, 3), (8, 3), (8, 5), (12, 5), (18, 7), (28, 7)];
-const NARROW: [(usize, usize); 2] = [(5, 5), (6, 7)];
+pub(super) const WINDOWS: [(usize, usize); 6] = [(5, 3), (8, 3), (8, 5), (12, 5), (18, 7), (28, 7)];
+pub(super) const NARROW: [(usize, usize); 2] = [(5, 5), (6, 7)];
 /// Cost of a shape: e⁻⁶ for each choice among some dozens of places.
 const PRICE: f64 = 12.0;
 /// Least limit of z, what Gaussian noise needs at 10⁻⁹ a look: below it the derived one is not
 /// believed, as it knows some hundred places only.
 const LEAST: f64 = 6.0;
 /// Greatest ratio of what a hypothesis leaves to what is left beside it.
-const LIKE: f64 = 6.0;
-/// Share of its height by which that of a slip may differ from window to window beside its error.
-const OFF: f64 = 0.5;
+pub(super) const LIKE: f64 = 6.0;
 /// Places spread over the record.
 const CONTROLS: usize = 400;
 /// Suspects are judged so many at a time, the greatest first, and at most so many times.
@@ -149,7 +148,7 @@ impl Judge {
                 }
             }
             found.retain(|f| f.z > self.limit && f.size.abs() > 2.0 * bend && f.size.abs() > 1.5 * trace.quantum);
-            found.retain(|f| f.kind == Kind::Spike || has_its_height(trace, f));
+            found.retain(|f| height::is_its_own(trace, f, (self.half, self.degree)));
             // The greatest come first: where they are motion, so are the others.
             if 4 * found.len().saturating_sub(before) < batch.len() {
                 break;
@@ -317,29 +316,6 @@ fn places(trace: &Trace<'_>, n: usize) -> Vec<(usize, usize)> {
         }
     }
     found
-}
-
-/// Whether a step has its height in every window, as far as each tells it: a swing faster than the
-/// record's others leaves a polynomial a step as well, another one in each.
-fn has_its_height(trace: &Trace<'_>, found: &Found) -> bool {
-    let s = &trace.stretches[found.stretch];
-    WINDOWS.iter().chain(&NARROW).all(|&(half, degree)| {
-        if found.from < half || found.from + half > s.len() {
-            return true;
-        }
-        let window = Window::new(2 * half, degree);
-        let mut x = vec![0.0; 2 * half];
-        s.copy(found.from - half, &mut x);
-        window.reduce(&mut x);
-        let at = half as f64 - 0.5;
-        let beside = [Shape::Bend(at), Shape::Curvature(at)].into_iter().filter(|_| found.kind == Kind::Break);
-        let shapes: Vec<Vec<f64>> = beside.chain([Shape::Step(at)]).map(|s| window.shape(s)).collect();
-        let step = fit(&x, &shapes.iter().map(Vec::as_slice).collect::<Vec<_>>());
-        let freedom = window.freedom().saturating_sub(shapes.len()).max(1) as f64;
-        let variance = (step.rest / freedom).max(trace.quantum * trace.quantum / 12.0);
-        let height = step.values.last().copied().unwrap_or(0.0);
-        (height - found.size).abs() <= LIKE * variance.sqrt() * step.error + OFF * found.size.abs()
-    })
 }
 
 #[cfg(test)]

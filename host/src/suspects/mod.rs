@@ -9,13 +9,14 @@
 //! be is named by a warning that takes the answer its standing.
 //!
 //! One check, one file: `dead`, `held`, `stuck_bit`, `row_steps`, `frozen` with `leap`, `cut`
-//! and `filled`, and `screen` with `breaks`.
+//! and `filled`, and `screen` with `breaks` and `height`.
 
 mod breaks;
 mod cut;
 mod dead;
 mod filled;
 mod frozen;
+mod height;
 mod held;
 mod leap;
 mod local_fit;

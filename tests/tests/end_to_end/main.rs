@@ -3,6 +3,7 @@
 mod accuracy;
 mod bad_input;
 mod batch;
+mod changed_midway;
 mod coupled;
 mod demo;
 mod determinism;

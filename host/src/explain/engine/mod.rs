@@ -31,6 +31,7 @@
 //! | `power` | what noise alone leaves, what sensors alone feign |
 //! | `residual`, `residual_map` | where what is left sits |
 //! | `axes` | coordinates that it is looked at against |
+//! | `changed` | what changed in the middle of a record |
 //! | `outliers` | samples that stand alone |
 //! | `patched`, `pieces` | a shape put together from several effects |
 //! | `relaxation` | how far inertias go from round to round |
@@ -42,6 +43,7 @@ pub mod attractor;
 mod axes;
 mod candidates;
 mod cautions;
+pub mod changed;
 mod chosen;
 pub mod compared;
 pub mod design;

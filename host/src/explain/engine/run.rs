@@ -12,7 +12,7 @@ use super::simulation::OfWindows;
 use super::state::State;
 use super::{
     Outcome, attractor, cautions, compared, forecast, given, last_fit, outliers, patched, prediction, residual,
-    shooting, simulation, tell, units, unknown,
+    shooting, simulation, tell, traces, units, unknown,
 };
 use crate::error::Result;
 use crate::explain::decidability::{EXPLAINED_GAP, Left, OwnGap};
@@ -28,6 +28,10 @@ use crate::statistics::one_more;
 const STEP: f64 = 0.01;
 /// Longer horizons of the gap, in units of the shortest.
 const LONGER: [f64; 3] = [2.0, 4.0, 8.0];
+
+/// Why an effect goes that was found in windows.
+const NOT_BORNE_OUT: &str =
+    "by simulations of longer pieces, which tell more than windows, its value is within two standard errors of nothing";
 
 /// Records of the model's own in which the gap is measured where inputs are noisy (by hand).
 const NOISY_RECORDS: usize = 8;
@@ -335,7 +339,7 @@ impl<'a> Run<'a> {
         first: &Identification,
         undecidable: Option<Undecidable>,
     ) -> Result<Explanation> {
-        let x = &outcome.fit.train;
+        let (x, found) = (&outcome.fit.train, self.told.clone());
         self.told.held_out = outcome.held_out(&self.setting);
         let none = self.told.result.effects.is_empty();
         let after = if none { self.told.before.clone() } else { self.longer(x) };
@@ -355,6 +359,14 @@ impl<'a> Run<'a> {
         let remade = by_shooting.then(|| shooting::remade(&self.setting, &self.told.state)).flatten();
         let left_out = remade.as_ref().map_or(0, |r| self.leave_out(outcome, &r.follows));
         let (last, simulated_s) = self.last_fit(&self.told.state, OfWindows::new(outcome), foretells);
+        let nothing = || traces::not_borne_out(&self.setting, &self.told.state, (&last.0, &last.1));
+        if let Some(k) = simulated_s.and_then(|_| nothing()) {
+            let told = core::mem::replace(&mut self.told, found);
+            if let Some((without, _)) = self.taken_away(k, NOT_BORNE_OUT.to_owned())? {
+                return self.finish(&without, first, undecidable);
+            }
+            self.told = told;
+        }
         self.told.result.details.simulated_s = simulated_s;
         self.compare(first, x, &last);
         let gaps = self.gaps_of_itself(x);
@@ -372,7 +384,9 @@ impl<'a> Run<'a> {
             noisy,
             whole: if by_shooting { simulation::left_of_whole(&setting, &state, outcome) } else { None },
         };
+        let most = rest.most_power();
         decidability::decide(&mut result, undecidable, rest);
+        super::changed::tell_in(&mut result, &setting, &state, outcome, most);
         if result.verdict == Verdict::Unexplained {
             let shape = if by_shooting { shape } else { unknown::shape(&setting, &state, outcome) };
             result.unknown = shape.map(|s| s.unknown);

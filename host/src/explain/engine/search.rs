@@ -249,32 +249,38 @@ impl Run<'_> {
     fn without_traces(&mut self, search: &mut Search, mut outcome: Outcome) -> Result<(Outcome, bool)> {
         let mut any = false;
         while let Some((k, limit)) = without_trace(&self.setting, &self.told.state, &outcome) {
-            let kept = (self.told.clone(), any);
-            any = true;
-            let of_many = if is_of_many(&self.told.state.chosen.remove(k).candidate) { "frequencies" } else { "forms" };
+            let of_many = if is_of_many(&self.told.state.chosen[k].candidate) { "frequencies" } else { "forms" };
             let why = format!(
                 "beside the other effects its strength is within {limit:.1} standard errors of nothing, as the best of so many {of_many} may be by chance"
             );
-            let gone = self.told.result.effects.remove(k - self.told.state.nominal).name();
-            let refused = Refused::new(&gone, why);
             // It is not tried again beside whatever takes its place.
+            let gone = self.told.result.effects[k - self.told.state.nominal].name();
             search.tried.extend([gone.clone(), gone.clone()]);
-            search.traces.push(gone.clone());
-            self.told.result.refuse([refused.clone()]);
+            search.traces.push(gone);
+            let Some((without, refused)) = self.taken_away(k, why)? else { break };
             search.refused.push(refused);
-            self.told.state.take_off(&self.setting);
-            let candidates = offered::candidates(&self.setting, &self.told.state);
-            let Ok(without) = refit(&self.setting, &mut self.told.state, candidates) else {
-                // What cannot be fitted without it stays.
-                let _ = search.refused.pop();
-                self.told = kept.0;
-                return Ok((outcome, kept.1));
-            };
-            outcome = without;
-            self.told.result.forget(&gone);
-            self.tell_last(&outcome)?;
+            (outcome, any) = (without, true);
         }
         Ok((outcome, any))
+    }
+
+    /// Takes what was chosen as the `k`-th away and fits the others; none, and everything as it was,
+    /// where these cannot be fitted.
+    pub(super) fn taken_away(&mut self, k: usize, why: String) -> Result<Option<(Outcome, Refused)>> {
+        let kept = self.told.clone();
+        let _ = self.told.state.chosen.remove(k);
+        let gone = self.told.result.effects.remove(k - self.told.state.nominal).name();
+        let refused = Refused::new(&gone, why);
+        self.told.result.refuse([refused.clone()]);
+        self.told.state.take_off(&self.setting);
+        let candidates = offered::candidates(&self.setting, &self.told.state);
+        let Ok(without) = refit(&self.setting, &mut self.told.state, candidates) else {
+            self.told = kept;
+            return Ok(None);
+        };
+        self.told.result.forget(&gone);
+        self.tell_last(&without)?;
+        Ok(Some((without, refused)))
     }
 }
 

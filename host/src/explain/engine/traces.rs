@@ -14,6 +14,9 @@ use crate::explain::decision::OF_A_FAMILY;
 /// Frequencies that a tone is the best of, where they were not counted (by hand).
 const FREQUENCIES: f64 = 1000.0;
 
+/// Standard errors from nothing of a value that is told (95 %).
+const BORNE_OUT: f64 = 2.0;
+
 /// Standard errors from nothing at which a name stands, the best of so many forms: that at which it
 /// is taken, 2 (1 − Φ(z)) N = [`OF_A_FAMILY`]. What came in while others were missing, and is less
 /// beside them, would not come in now.
@@ -31,25 +34,42 @@ pub fn is_of_many(candidate: &Candidate) -> bool {
 /// chance gives the best of all forms; their number.
 pub fn without_trace(setting: &Setting<'_>, state: &State, outcome: &Outcome) -> Option<(usize, f64)> {
     let forms = outcome.candidates.len() as f64;
+    // The errors that are told.
+    let fit = (&outcome.fit.all, &outcome.covariance());
+    let limit = |c: &Candidate| clear_of(if is_of_many(c) { forms.max(FREQUENCIES) } else { forms });
+    weakest(setting, state, fit, &limit).filter(|_| setting.shooting)
+}
+
+/// The same by a fit that tells more than that by which effects were found: of a name that stands
+/// the value that is told is no nothing.
+pub fn not_borne_out(setting: &Setting<'_>, state: &State, fit: (&DVector<f64>, &DMatrix<f64>)) -> Option<usize> {
+    weakest(setting, state, fit, &|_| BORNE_OUT).map(|w| w.0)
+}
+
+/// The effect that is furthest from a limit of standard errors among those within it; the limit.
+fn weakest(
+    setting: &Setting<'_>,
+    state: &State,
+    (all, covariance): (&DVector<f64>, &DMatrix<f64>),
+    limit: &dyn Fn(&Candidate) -> f64,
+) -> Option<(usize, f64)> {
     let mut at = state.values.len();
     let mut weakest: Option<(usize, f64, f64)> = None;
-    // The errors that are told.
-    let covariance = outcome.covariance();
     for (k, chosen) in state.chosen.iter().enumerate() {
-        let errors = errors_at_shape(&covariance, at, chosen.candidate.entry.strengths.len(), chosen.strengths.len());
-        let values = chosen.values(&outcome.fit.all, at);
+        let errors = errors_at_shape(covariance, at, chosen.candidate.entry.strengths.len(), chosen.strengths.len());
+        let values = chosen.values(all, at);
         let clear = errors.iter().zip(values).map(|(error, x)| x.abs() / error.max(f64::MIN_POSITIVE));
         // Nor does a name stand whose value is within them.
-        let value = value_over_error(setting, state, (&outcome.fit.all, &covariance), at, chosen);
+        let value = value_over_error(setting, state, (all, covariance), at, chosen);
         let clear = clear.fold(0.0, f64::max).min(value);
         at += chosen.strengths.len();
-        let limit = clear_of(if is_of_many(&chosen.candidate) { forms.max(FREQUENCIES) } else { forms });
+        let limit = limit(&chosen.candidate);
         let clear = clear / limit;
         if k >= state.nominal && clear < 1.0 && weakest.is_none_or(|w| clear < w.1) {
             weakest = Some((k, clear, limit));
         }
     }
-    weakest.map(|w| (w.0, w.2)).filter(|_| setting.shooting)
+    weakest.map(|w| (w.0, w.2))
 }
 
 /// The value that is told of an effect, whose columns begin at `at`, over its standard error.

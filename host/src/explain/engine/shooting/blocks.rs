@@ -10,6 +10,7 @@
 //! with a weight of its own. Coefficients of laws that take energy away may not come out with the
 //! sign of laws that give it: one that would is held at zero and the others are fitted again.
 
+mod apart;
 mod even_noise;
 
 use nalgebra::{DMatrix, DVector};

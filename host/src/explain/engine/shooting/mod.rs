@@ -33,6 +33,7 @@
 //! | [`adjoint`] | how what is left of a window pulls on the force at every instant |
 //! | [`cut`] | blocks of windows |
 //! | [`blocks`] | least squares over blocks |
+//! | [`left_out`](mod@left_out) | windows that do not count |
 //! | [`coloured`](mod@coloured) | the sensors' noise where the record was smoothed |
 //! | [`quieter`](mod@quieter) | the sensors' noise where it was taken for too much |
 //! | [`remade`](mod@remade) | what is left of records that the model itself makes |
@@ -49,6 +50,7 @@ mod course;
 mod cut;
 mod forcing;
 mod gram;
+mod left_out;
 mod linear;
 mod path;
 mod quieter;
