@@ -39,6 +39,7 @@ mod reduced;
 mod schema;
 mod shaft;
 mod stick_slip;
+mod sticking;
 mod suspects_equations;
 mod suspects_record;
 mod tracked;

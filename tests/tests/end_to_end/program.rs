@@ -48,6 +48,17 @@ pub fn json(path: &Path) -> serde_json::Value {
     serde_json::from_slice(&std::fs::read(path).expect("a JSON file")).expect("JSON")
 }
 
+/// Holds identified parameters against what they are: within five standard errors, which are 0.02 %
+/// of it at most.
+pub fn are(found: &serde_json::Value, truth: &[(&str, f64)]) {
+    for (name, truth) in truth {
+        let p = found["parameters"].as_array().unwrap().iter().find(|p| p["name"] == *name).unwrap();
+        let (value, error) = (p["value"].as_f64().unwrap(), p["std_error"].as_f64().unwrap());
+        assert!((value - truth).abs() < 5.0 * error, "{name}: {value} ± {error}");
+        assert!(error < 2e-4 * truth.abs(), "{name}: {value} ± {error}");
+    }
+}
+
 /// Copies a shipped rig file, with replacements, into a folder.
 pub fn rig_file(folder: &Path, shipped: &str, name: &str, replacements: &[(&str, &str)]) {
     let mut text = std::fs::read_to_string(repository("rigs").join(shipped)).expect("a shipped rig file");

@@ -5,6 +5,7 @@ use std::fmt::Write;
 use std::path::Path;
 
 use super::program::{done, json};
+use super::sticking::{Law, Sticking};
 
 const MODEL: &str = r#"name = "mass on a table"
 coordinates = [{ name = "x", space = "R" }]
@@ -42,49 +43,11 @@ fn friction(v: f64, sign: f64) -> f64 {
     sign * (COULOMB + STRIBECK * (-(v / FALLS_WITHIN).powi(2)).exp())
 }
 
-/// The mass: at rest while the force stays within the friction at rest, and in the sense of its
-/// motion otherwise; a reversal lies within a step of 50 µs and ends it.
-#[derive(Clone, Copy)]
-struct Mass {
-    x: f64,
-    v: f64,
-    /// Sense of the motion; 0 at rest.
-    sign: f64,
-}
-
-impl Mass {
-    fn step(&mut self, t: f64, h: f64) {
-        if self.sign == 0.0 {
-            let pull = force(t) - K * self.x;
-            if pull.abs() <= COULOMB + STRIBECK {
-                return;
-            }
-            self.sign = pull.signum();
-        }
-        let sign = self.sign;
-        let rate = |t: f64, x: f64, v: f64| (v, (force(t) - C * v - K * x - friction(v, sign)) / M);
-        let (a1, b1) = rate(t, self.x, self.v);
-        let (a2, b2) = rate(t + 0.5 * h, self.x + 0.5 * h * a1, self.v + 0.5 * h * b1);
-        let (a3, b3) = rate(t + 0.5 * h, self.x + 0.5 * h * a2, self.v + 0.5 * h * b2);
-        let (a4, b4) = rate(t + h, self.x + h * a3, self.v + h * b3);
-        let next = self.v + h / 6.0 * (b1 + 2.0 * b2 + 2.0 * b3 + b4);
-        if next * sign < 0.0 {
-            // To the instant of the reversal along a straight line, and on from rest there.
-            let share = self.v / (self.v - next);
-            self.x += 0.5 * share * h * self.v;
-            (self.v, self.sign) = (0.0, 0.0);
-            if share > 0.0 {
-                self.step(t + share * h, (1.0 - share) * h);
-            }
-            return;
-        }
-        self.x += h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
-        self.v = next;
-    }
-}
-
 fn record(at: &Path) {
-    let (dt, mut mass) = (1.0 / 500.0, Mass { x: 0.0, v: 0.0, sign: 0.0 });
+    let acceleration = |t: f64, x: f64, v: f64, sign: f64| (force(t) - C * v - K * x - friction(v, sign)) / M;
+    let pull = |t: f64, x: f64| force(t) - K * x;
+    let law = Law { acceleration: &acceleration, pull: &pull, holds: COULOMB + STRIBECK };
+    let (dt, mut mass) = (1.0 / 500.0, Sticking::default());
     let h = dt / STEPS as f64;
     let mut text = String::from("t,x,f\n");
     for i in 0..30_000 {
@@ -92,7 +55,7 @@ fn record(at: &Path) {
         // Steps of 2 µm, as of a scale.
         let x = (mass.x / 2e-6).round() * 2e-6;
         writeln!(text, "{t:.3},{x:.6},{:.6}", force(t)).unwrap();
-        (0..STEPS).for_each(|k| mass.step(t + k as f64 * h, h));
+        (0..STEPS).for_each(|k| mass.step(&law, t + k as f64 * h, h));
     }
     std::fs::write(at.join("r.csv"), text).unwrap();
 }

@@ -2,7 +2,7 @@
 //!
 //! Two things tell it: what each window leaves of the one model is less before an instant than after
 //! it, or the other way round; or coefficients of its own for each part leave less than one set for
-//! both. Either is held against what other orders of the windows give ([`order`]). A wrong law as
+//! both. Either is held against what other orders of the windows give (`order`). A wrong law as
 //! well leaves more where the motion is larger, and a motion may grow or die along a record. So only
 //! windows whose motion and inputs are alike are exchanged. Where a drive or inputs keep the motion
 //! up, and coefficients of its own leave nothing but noise of each part, a motion that changed with
