@@ -6,6 +6,7 @@ use std::path::Path;
 use super::engine::changed::Changed;
 use super::explanation::{Found, Limit};
 use super::gap::{AtHorizon, Miss};
+use super::locking::LOCKS_LATER;
 use super::reason::{Criterion, Reason};
 use super::{DecidedBy, Explanation, Step, Verdict};
 use crate::effects::text_of;
@@ -109,9 +110,9 @@ fn sentence(e: &Explanation) -> String {
     match e.verdict {
         Verdict::Explained => {
             let it = if e.effects.len() == 1 { "it" } else { "them" };
-            format!("The model lacks {found}; with {it}, {change}, and nothing but noise is left.")
+            format!("The model lacks {found}; with {it}, {change}, and nothing but noise is left.{}", rests_on(e))
         }
-        Verdict::NothingMissing => format!("Nothing is missing: {change}, which is noise alone."),
+        Verdict::NothingMissing => format!("Nothing is missing: {change}, which is noise alone.{}", rests_on(e)),
         Verdict::Unexplained => {
             let far = if found.is_empty() { String::new() } else { format!(" Found so far: {found}; {change}.") };
             if let Some(changed) = depends_on_time(e) {
@@ -135,6 +136,15 @@ fn sentence(e: &Explanation) -> String {
             let why = e.reason.to_string();
             format!("This record cannot decide what the model lacks: {}.", why.trim_end_matches('.'))
         }
+    }
+}
+
+/// What a verdict rests on, where that is a part of the record.
+fn rests_on(e: &Explanation) -> &'static str {
+    if e.warnings.iter().any(|w| w.id == LOCKS_LATER) {
+        " This rests on what came before the motion locked to its drive: one orbit tells no effects apart."
+    } else {
+        ""
     }
 }
 

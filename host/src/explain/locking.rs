@@ -39,11 +39,14 @@ fn until(record: &Record, end_s: f64) -> Result<Record> {
     Ok(out)
 }
 
+/// Id of the warning that what came before a motion locked to its drive was explained.
+pub(super) const LOCKS_LATER: &str = "locks-later";
+
 fn told(record: &Record, end_s: f64) -> Warning {
     let of_s = record.segments.last().map_or(end_s, |s| s.start_s + s.len() as f64 * s.step_s);
     let text = format!("the motion repeats (locked to the drive) from {end_s:.1} s on, of {of_s:.1} s");
     let advice = "What came before is explained; one orbit cannot tell effects apart (`whirl plan` proposes settings)";
-    Warning::new("locks-later", text, advice).with("from_s", end_s)
+    Warning::new(LOCKS_LATER, text, advice).with("from_s", end_s)
 }
 
 #[cfg(test)]
