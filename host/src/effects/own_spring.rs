@@ -118,6 +118,7 @@ value = \"-c*q1'\"
             assert!((beside + per * twist.clamp(-0.1, 0.1)).abs() < 1e-12 * per.abs(), "{twist} {beside}");
         }
     }
+
     /// The same where equations are written down: the spring is what couples them.
     #[test]
     fn a_gap_takes_from_a_spring_between_written_equations() {

@@ -164,6 +164,7 @@ pub fn mechanism(model: &ModelFile, direction: Option<Direction>, omega: f64, va
         kinetic: None,
         potential: None,
         joints,
+        // Which parameter stands for the stiffness is nothing: what is looked for is that there is one.
         forces: springs.iter().map(|&(i, j)| Force::spring(&coordinate(j).minus(&coordinate(i)), j)).collect(),
         sensors: Vec::new(),
         quantities: Vec::new(),

@@ -13,10 +13,10 @@ const OFF: f64 = 0.5;
 /// far as each tells it.
 pub fn is_its_own(trace: &Trace<'_>, found: &Found, judge: (usize, usize)) -> bool {
     let samples: Vec<usize> = (found.from..found.to).collect();
-    // The sample at which a spike is told last, so that its error is known.
     let of = |samples: &[usize], window: (usize, usize)| heights(trace, found, samples, window);
     let own = of(&samples, judge);
     let top = own.iter().flat_map(|o| &o.0).enumerate().max_by(|a, b| a.1.abs().total_cmp(&b.1.abs())).map(|t| t.0);
+    // The top last, whose error is known then.
     let rotated: Vec<usize> = match top {
         Some(k) if !samples.is_empty() => samples[k + 1..].iter().chain(&samples[..=k]).copied().collect(),
         _ => samples,

@@ -65,8 +65,7 @@ fn record(at: &Path) {
 }
 
 /// Solutions from guessed states fall onto the coil, where no step is short enough: steps had been a
-/// tenth of a sample, and states of pieces four times as long were sought to the last digit, which
-/// took minutes of a processor.
+/// sixteenth of a sample, and states of pieces four times as long were sought to the last digit.
 #[test]
 fn an_unstable_motion_is_followed_in_steps_of_its_samples_or_so() {
     let folder = tempfile::tempdir().unwrap();

@@ -13,6 +13,8 @@ use crate::model::model_file::expression::{Node, Symbol, number};
 const ASYMMETRY: f64 = 0.1;
 /// Size of an entry beside the diagonal, as a share of it, below which equations are not coupled.
 const UNCOUPLED: f64 = 1e-9;
+/// Share of a slope by which it differs from place to place where it is one and the same: rounding.
+const EVEN: f64 = 1e-9;
 
 /// What written equations tell of inertias.
 pub struct Inertias {
@@ -88,7 +90,7 @@ pub(super) fn apart(n: usize, coupled: &[(usize, usize)]) -> Vec<(usize, usize)>
 /// Whether a slope is the same wherever it is taken, and not none.
 fn is_constant(slope: &[f64]) -> bool {
     let size = slope[0].abs();
-    size > 0.0 && slope.iter().all(|x| (x - slope[0]).abs() < UNCOUPLED * size)
+    size > 0.0 && slope.iter().all(|x| (x - slope[0]).abs() < EVEN * size)
 }
 
 fn sign_of(x: f64) -> Option<f64> {

@@ -28,8 +28,8 @@ const LESS: f64 = 0.25;
 
 /// As [`minimise`], with steps of integration from the problem's own on so fine that half of the last
 /// one promises less than `tolerance`; and that step, s. Pieces under a drive are a few of its periods,
-/// over which steps do not add up: of up to 500 000 values none moved a parameter by more than a
-/// twentieth of its standard error.
+/// over which steps do not add up: of a driven Duffing oscillator, up to 500 000 values, none moved a
+/// parameter by more than a twentieth of its standard error.
 pub fn minimise_finely<D: Dynamics + ?Sized>(
     problem: &Problem<'_, D>,
     pieces: &[Piece],

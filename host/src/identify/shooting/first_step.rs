@@ -3,7 +3,7 @@
 //!
 //! Of an unstable motion (a pendulum held upright, a ball in a coil's field) they run away, and no step
 //! is short enough for two of them to agree: steps were sought down to an eighth of a sample, and all
-//! that follows took tens of times as long. Over beginnings solutions stay with the motion, and over
+//! that follows took as many times as long. Over beginnings solutions stay with the motion, and over
 //! whole pieces once their states are fitted.
 
 use super::problem::{Piece, Problem};
