@@ -41,6 +41,12 @@ const LIMIT: f64 = 64.0;
 /// noise's variance where that is more): five standard deviations of it for 400 samples of two
 /// sensors.
 const LIKE: f64 = 1.25;
+/// Share of the pieces beyond which steps in them are none of slips: an encoder that loses counts
+/// does so now and then, and what the equations lack shows everywhere (by hand).
+const EVERYWHERE: f64 = 0.5;
+/// What the equations leave may grow by so much, as a share, where slips are taken back that are
+/// some (by hand; noise of windows, of which there are dozens).
+const GROWS: f64 = 0.05;
 /// Samples within which two pieces show one step.
 const SAME: usize = 12;
 /// Times that what is found is taken back and everything identified again: where slips are many,
@@ -99,13 +105,17 @@ pub fn find<D: Dynamics + ?Sized>(
     believed(&steps)
 }
 
-/// Steps of pieces that are like what noise leaves without them, each once.
+/// Steps of pieces that are like what noise leaves without them, each once; none where most pieces
+/// have one.
 pub fn believed(steps: &[Step]) -> Vec<Slip> {
     let mut left: Vec<f64> = steps.iter().map(|s| s.before).collect();
     left.sort_by(f64::total_cmp);
     let usual = left.get(left.len() / 2).map_or(1.0, |m| m.max(1.0));
     let believed = |s: &Step| s.slip.filter(|_| s.behind < LIKE * usual);
     let mut found: Vec<Slip> = steps.iter().filter_map(believed).collect();
+    if found.len() as f64 > EVERYWHERE * steps.len() as f64 {
+        return Vec::new();
+    }
     found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
     let mut kept: Vec<Slip> = Vec::new();
     for f in found {
@@ -267,13 +277,19 @@ pub fn without<'a>(
             }
             return Ok((found, Cow::Owned(mended)));
         }
-        if found.slips.len() >= taken {
+        if found.slips.len() >= taken || leaves_more(&found, &plain) {
             // Taking them back leads nowhere.
             break;
         }
         slips.clone_from(&found.slips);
     }
     Ok((plain, Cow::Borrowed(records)))
+}
+
+/// Whether the equations leave more of a record than of the one before: it had no slips there.
+fn leaves_more(found: &Identification, before: &Identification) -> bool {
+    let of = |i: &Identification| i.details.residual_over_noise;
+    of(found).zip(of(before)).is_some_and(|(now, before)| now > (1.0 + GROWS) * before)
 }
 
 /// Whether the equations leave nothing but the sensors' noise.

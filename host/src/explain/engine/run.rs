@@ -227,17 +227,12 @@ impl<'a> Run<'a> {
             self.attractor(outcome);
             let foretells = self.simulate(outcome, added);
             self.told.first = Some(First { windows, state, train, powers, foretells });
-            let shown = self.shows_slips(outcome);
+            let follows = outcome.evidence.is_shooting();
+            let shown = follows.then(|| shooting::shows_slips(&self.setting, &self.told.state)).flatten();
             let before = self.told.result.slips_show;
             self.told.result.slips_show = shown.map(|s| s || before == Some(true));
         }
         Ok(())
-    }
-
-    /// Whether slips of counts show; none where the model follows no windows.
-    fn shows_slips(&self, outcome: &Outcome) -> Option<bool> {
-        let ground = outcome.evidence.is_shooting().then(|| shooting::Ground::new(&self.setting, &self.told.state))?;
-        ground?.shows_slips(&self.told.state.sensors(&self.setting).count)
     }
 
     /// Tells the last step as it is in other windows than before.
@@ -386,6 +381,10 @@ impl<'a> Run<'a> {
         };
         let most = rest.most_power();
         decidability::decide(&mut result, undecidable, rest);
+        if by_shooting && matches!(result.verdict, Verdict::Explained | Verdict::NothingMissing) {
+            // The model before lacked something, which may look like slips; what is left is noise now.
+            result.slips_show = shooting::shows_slips(&setting, &state);
+        }
         super::changed::tell_in(&mut result, &setting, &state, outcome, most);
         if result.verdict == Verdict::Unexplained {
             let shape = if by_shooting { shape } else { unknown::shape(&setting, &state, outcome) };

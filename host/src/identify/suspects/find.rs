@@ -90,13 +90,17 @@ pub(super) fn find(scene: &Scene, base: &Misfit) -> Option<Finding> {
             finalists.push(t);
         }
     }
-    let mut last: Vec<Tried> = finalists
-        .into_par_iter()
-        .map(|t| refine(scene, refine(&few, t)?))
-        .collect::<Vec<_>>()
-        .into_iter()
-        .flatten()
-        .collect();
+    let refined = |scene: &Scene, all: Vec<Tried>| -> Vec<Tried> {
+        let all: Vec<Option<Tried>> = all.into_par_iter().map(|t| refine(scene, t)).collect();
+        all.into_iter().flatten().collect()
+    };
+    let finalists = refined(&few, finalists);
+    // What takes too little away of a few windows will not take enough of all.
+    let may_solve = |t: &Tried| t.left.log <= ALONE * before.log + 0.5 * CLEAN;
+    if !finalists.iter().any(may_solve) {
+        return None;
+    }
+    let mut last = refined(scene, finalists);
     last.sort_by(|a, b| a.left.log.total_cmp(&b.left.log));
     let mut last = last.into_iter();
     let best = last.next()?;

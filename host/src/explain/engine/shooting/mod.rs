@@ -73,6 +73,7 @@ use self::linear::Linear;
 use self::path::{FEWEST_SAMPLES, Path, Window, windows};
 pub use self::quieter::quieter;
 pub use self::remade::{RECORDS, record as remade_record, remade};
+pub use self::slipped::shows_slips;
 use self::stage::{is_applied, stage};
 pub use self::steps::Steps;
 use super::candidates::{Candidate, Column};

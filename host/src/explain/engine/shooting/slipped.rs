@@ -3,6 +3,8 @@
 
 use rayon::prelude::*;
 
+use super::super::setting::Setting;
+use super::super::state::State;
 use super::course::List;
 use super::linear::Linear;
 use super::path::Window;
@@ -10,10 +12,15 @@ use super::strips::{Along, Strip};
 use super::{Ground, present};
 use crate::identify::slips::{Seen, Step, believed, greatest_step};
 
+/// Whether slips of counts show in what a model leaves; none where it follows no windows.
+pub fn shows_slips(setting: &Setting<'_>, state: &State) -> Option<bool> {
+    Ground::new(setting, state)?.shows_slips(&state.sensors(setting).count)
+}
+
 impl Ground<'_> {
     /// In windows, and in those half of which are of one and half of the next: a step at the end of
     /// a window is taken for its state. None where the latter have no solution.
-    pub fn shows_slips(&self, count: &[Option<f64>]) -> Option<bool> {
+    fn shows_slips(&self, count: &[Option<f64>]) -> Option<bool> {
         if count.iter().all(Option::is_none) {
             return Some(false);
         }
