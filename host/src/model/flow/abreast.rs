@@ -294,14 +294,22 @@ mod tests {
         [[equation]]\nbalance = \"-(1.5*p'' + 0.3*cos(p)*x'')\"\nterms = { g = \"sin(p)\", c = \"p'\", f = \"sign(p')\" }\n\
         [[equation]]\nbalance = \"u - (x'' + 0.3*(cos(p)*p'' - sin(p)*p'^2))\"\nterms = { k = \"x\", d = \"sign(x' - p')\", t = \"cos(tau)\" }\n";
 
+    /// A force on what lies on the arm, whose accelerations stand inside a function.
+    const LOADED: &str = "l = \"p'*sqrt(1 + (x'' + 0.5*p'')^2)\"";
+
     /// Steps side by side are those of [`Flow`] one by one, derivatives too; those in which
     /// friction turns are left to it, and no others.
     #[test]
     fn steps_are_those_that_are_taken_one_by_one() {
-        let model = ModelFile::parse(TEXT, Path::new("m.toml")).unwrap();
+        check(TEXT, &[4.0, 0.1, 0.3, 20.0, 0.2, 0.7]);
+        let loaded = TEXT.replace("f = \"sign(p')\"", &format!("f = \"sign(p')\", {LOADED}"));
+        check(&loaded, &[4.0, 0.1, 0.3, 0.05, 20.0, 0.2, 0.7]);
+    }
+
+    fn check(text: &str, parameters: &[f64]) {
+        let model = ModelFile::parse(text, Path::new("m.toml")).unwrap();
         let motion = EquationsOfMotion::new(&model, 3.0).unwrap();
         assert!(motion.goes_abreast());
-        let parameters = [4.0, 0.1, 0.3, 20.0, 0.2, 0.7];
         let input = |t: f64, out: &mut [f64]| out[0] = (5.0 * t).sin();
         let mut seed = 11_u32;
         let mut random = move || {
@@ -316,12 +324,13 @@ mod tests {
         let mut steps = Steps::new(&motion);
         steps.set(states.iter().map(Vec::as_slice));
         steps.carry(
-            VectorField { motion: &motion, parameters: &parameters },
+            VectorField { motion: &motion, parameters },
             of,
             &Outside { omega: 3.0, inputs: 1, at: &input },
             0.004,
         );
         assert!(!steps.whole[7] && !steps.whole[8], "{:?}", &steps.whole[..9]);
+        assert!(steps.whole.iter().filter(|w| **w).count() > ABREAST / 2);
         let rates = |s: &[f64]| [s[2], s[3] - s[2]];
         for (i, state) in states.iter().enumerate() {
             let (time, tau) = of(i);
@@ -329,7 +338,7 @@ mod tests {
                 flow::Outside { origin: time, tau, omega: 3.0, inputs: Some(Inputs { count: 1, at: &input }) };
             let mut work = Work::by_state(&motion);
             work.set(state);
-            assert!(Flow::new(&motion, &parameters, outside, 0.004).carry(&mut work, time, 0.004));
+            assert!(Flow::new(&motion, parameters, outside, 0.004).carry(&mut work, time, 0.004));
             let turned = rates(state).iter().zip(rates(work.state())).any(|(a, b)| a * b <= 1e-12);
             assert_eq!(steps.whole[i], !turned, "{i}");
             assert!(steps.exists[i], "{i}");

@@ -1,6 +1,7 @@
 //! Accelerations and their partials at many states at once: every operation of the tapes is one
 //! loop over the states, a fraction of the work of going through them one by one.
 
+use super::evaluation::{MOST_PASSES, STILL};
 use super::{EquationsOfMotion, solve, wrapped};
 use crate::model::model_file::expression::Symbol;
 use crate::model::model_file::tape::{ABREAST, Registers};
@@ -31,6 +32,7 @@ pub struct Room {
     matrix: Vec<f64>,
     inverse: Vec<f64>,
     right: Vec<f64>,
+    next: Vec<f64>,
 }
 
 /// Nothing, where a symbol has no value.
@@ -72,10 +74,9 @@ fn column<'a>(
 }
 
 impl EquationsOfMotion {
-    /// Whether many states can be linearised at once: all slopes exist and no acceleration stands
-    /// inside a function.
+    /// Whether many states can be linearised at once: all slopes exist.
     pub fn goes_abreast(&self) -> bool {
-        self.slopes.is_some() && !self.implicit
+        self.slopes.is_some()
     }
 
     /// Accelerations (n columns of [`ABREAST`]) at every state; `exists` turns false where there are
@@ -89,15 +90,53 @@ impl EquationsOfMotion {
         exists: &mut [bool],
     ) {
         let (n, count) = (self.circle.len(), at.count);
-        let Room { entries, wrapped: angles, matrix, inverse, right, .. } = room;
-        angles.resize(n, Vec::new());
-        for (i, to) in angles.iter_mut().enumerate().filter(|(i, _)| self.circle[*i]) {
+        room.wrapped.resize(n, Vec::new());
+        for (i, to) in room.wrapped.iter_mut().enumerate().filter(|(i, _)| self.circle[*i]) {
             to.clear();
             to.extend(at.states[i * ABREAST..i * ABREAST + count].iter().map(|x| wrapped(*x)));
         }
+        if !self.implicit {
+            self.pass_abreast(parameters, at, room, &[], accelerations, exists);
+            return;
+        }
+        // Each state as long as it moves, as one alone.
+        accelerations.fill(0.0);
+        let mut next = core::mem::take(&mut room.next);
+        next.resize(accelerations.len(), 0.0);
+        let mut found = [false; ABREAST];
+        for _ in 0..MOST_PASSES {
+            self.pass_abreast(parameters, at, room, accelerations, &mut next, exists);
+            for i in (0..count).filter(|i| !found[*i]).collect::<Vec<_>>() {
+                let places = (0..n).map(|k| k * ABREAST + i);
+                let moved = places.clone().fold(0.0_f64, |m, k| m.max((next[k] - accelerations[k]).abs()));
+                let size = places.clone().fold(0.0_f64, |m, k| m.max(next[k].abs()));
+                places.for_each(|k| accelerations[k] = next[k]);
+                found[i] = moved <= STILL * size;
+            }
+            if (0..count).all(|i| found[i] || !exists[i]) {
+                break;
+            }
+        }
+        room.next = next;
+        exists.iter_mut().zip(found).for_each(|(e, f)| *e &= f);
+    }
+
+    /// One pass of [`EquationsOfMotion::accelerate_abreast`]: accelerations with those of `guess`
+    /// inside functions.
+    fn pass_abreast(
+        &self,
+        parameters: &[f64],
+        at: &Abreast<'_>,
+        room: &mut Room,
+        guess: &[f64],
+        accelerations: &mut [f64],
+        exists: &mut [bool],
+    ) {
+        let (n, count) = (self.circle.len(), at.count);
+        let Room { entries, wrapped: angles, matrix, inverse, right, .. } = room;
         // M (n × n columns), inverted state by state, and what stands beside the accelerations.
         let columns: Vec<&[f64]> =
-            self.tape.symbols().iter().map(|s| column(*s, at, self.inputs, &self.remembered, angles, &[])).collect();
+            self.tape.symbols().iter().map(|s| column(*s, at, self.inputs, &self.remembered, angles, guess)).collect();
         self.tape.over(&columns, count, entries);
         matrix.clear();
         matrix.resize(n * n * ABREAST, 0.0);
@@ -138,7 +177,7 @@ impl EquationsOfMotion {
         };
         self.accelerate_abreast(parameters, at, room, accelerations, exists);
         let (n, count) = (self.circle.len(), at.count);
-        let Room { slopes, wrapped: angles, inverse, right, .. } = room;
+        let Room { slopes, wrapped: angles, matrix, inverse, right, .. } = room;
         // Slopes of the residual, with what multiplies an acceleration times that.
         let columns: Vec<&[f64]> = tape
             .symbols()
@@ -148,18 +187,24 @@ impl EquationsOfMotion {
         tape.over(&columns, count, slopes);
         right.clear();
         right.resize(n * 2 * n * ABREAST, 0.0);
-        for (o, &(k, j)) in places.iter().enumerate().filter(|(_, p)| p.1 < 2 * n) {
-            let entry = &self.entries[k];
-            let to = &mut right[(entry.equation * 2 * n + j) * ABREAST..][..count];
-            let slope = tape.output(o, slopes);
+        for (o, &(k, j)) in places.iter().enumerate() {
+            let (entry, factor) = (&self.entries[k], self.factor(k, parameters));
+            // What depends on an acceleration acts like an inertia.
+            let (to, f) = match j.checked_sub(2 * n) {
+                Some(i) => (&mut matrix[(entry.equation * n + i) * ABREAST..], factor),
+                None => (&mut right[(entry.equation * 2 * n + j) * ABREAST..], -factor),
+            };
+            let (to, slope) = (&mut to[..count], tape.output(o, slopes));
             match entry.acceleration {
-                None => add_scaled(to, -self.factor(k, parameters), slope),
+                None => add_scaled(to, f, slope),
                 Some(i) => {
-                    let f = -self.factor(k, parameters);
                     let moved = &accelerations[i * ABREAST..i * ABREAST + count];
                     to.iter_mut().zip(slope.iter().zip(moved)).for_each(|(t, (s, a))| *t += f * s * a);
                 }
             }
+        }
+        if self.implicit {
+            invert(matrix, n, count, inverse, exists);
         }
         partials.fill(0.0);
         add_matrix_products::<ABREAST>(partials, inverse, right, n, 2 * n);

@@ -10,8 +10,8 @@ use crate::model::dynamics::{Corner, Dynamics, Here, Linearisation, Switch, diff
 
 /// Most passes in which accelerations inside functions are found, and the share of their size to
 /// which they stand still.
-const MOST_PASSES: usize = 20;
-const STILL: f64 = 1e-12;
+pub(super) const MOST_PASSES: usize = 20;
+pub(super) const STILL: f64 = 1e-12;
 
 /// Room for one evaluation.
 #[derive(Default)]
