@@ -110,11 +110,12 @@ fn unwrapped(values: &[f64], seen: &Seen) -> Vec<f64> {
         (_, Some(n)) => f64::from(n),
         _ => f64::INFINITY,
     } / seen.factor.abs();
-    let mut x = values.to_vec();
-    if turn.is_finite() {
-        x.iter_mut().for_each(|x| *x *= core::f64::consts::TAU / turn);
-        motion::unwrap(&mut x);
+    if !turn.is_finite() {
+        return values.to_vec();
     }
+    let mut all = [values.iter().map(|x| x * core::f64::consts::TAU / turn).collect::<Vec<f64>>()];
+    motion::unwrap_all(&mut all);
+    let [x] = all;
     x
 }
 

@@ -1,7 +1,8 @@
 //! Coordinates of a record: unwrapped displacements, derived absolute angles, velocities.
 //!
-//! Angles live on the circle. Between two samples an angle moves by the shorter way round (so a rig
-//! that turns by half a turn between samples is beyond this program). Where joint k's angle is
+//! Angles live on the circle. Between two samples an angle that is known modulo a turn
+//! moves by the shorter way round (so a rig that turns by half a turn between
+//! samples is beyond this program); one that is counted on stands. Where joint k's angle is
 //! measured relative to the arm before (`theta2`), the absolute angle φ_k = φ_{k−1} + θ_k is
 //! derived; φ1 is θ1.
 //!
@@ -13,6 +14,7 @@
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
+use crate::record::unwrap::Turns;
 use crate::record::{Column, Record};
 use crate::rig::Channel;
 use crate::statistics::median;
@@ -45,8 +47,17 @@ pub struct Motion {
     pub stretches: Vec<Vec<f64>>,
 }
 
+/// Unwraps stretches of an angle, rad, that was recorded modulo a turn.
+pub fn unwrap_all(stretches: &mut [Vec<f64>]) {
+    let mut turns = Turns::new(TAU);
+    stretches.iter().for_each(|x| turns.add(x, true));
+    if turns.wrap() {
+        stretches.iter_mut().for_each(|x| unwrap(x));
+    }
+}
+
 /// Unwraps in place: each step goes the shorter way round.
-pub fn unwrap(angles: &mut [f64]) {
+fn unwrap(angles: &mut [f64]) {
     let mut turns = 0.0;
     for n in 1..angles.len() {
         let raw = angles[n] + turns;
@@ -99,16 +110,10 @@ pub fn motions(record: &Record) -> Vec<Motion> {
     for (c, channel) in record.channels.iter().enumerate() {
         let angle = matches!(channel.unit.as_str(), "count" | "rad" | "deg");
         let parts: Vec<&Column> = record.segments.iter().filter_map(|s| s.columns.get(c)).collect();
-        let stretches = parts
-            .iter()
-            .map(|column| {
-                let mut x = column.angle(channel);
-                if angle {
-                    unwrap(&mut x);
-                }
-                x
-            })
-            .collect();
+        let mut stretches: Vec<Vec<f64>> = parts.iter().map(|column| column.angle(channel)).collect();
+        if angle {
+            unwrap_all(&mut stretches);
+        }
         let step = quantisation_step(&parts, channel.step());
         all.push(Motion {
             name: channel.measures.clone(),
@@ -227,10 +232,16 @@ mod tests {
     fn unwraps_a_whirl_either_way() {
         for rate in [0.4, -0.4] {
             let truth: Vec<f64> = (0..200).map(|n| 1.0 + rate * f64::from(n)).collect();
-            let mut x: Vec<f64> = truth.iter().map(|&a| wrap(a)).collect();
-            unwrap(&mut x);
-            assert!(x.iter().zip(&truth).all(|(a, b)| (a - b).abs() < 1e-9));
+            let x: Vec<f64> = truth.iter().map(|&a| wrap(a)).collect();
+            let mut all = vec![x];
+            unwrap_all(&mut all);
+            assert!(all[0].iter().zip(&truth).all(|(a, b)| (a - b).abs() < 1e-9));
         }
+        // Counted on, four radians a sample.
+        let truth: Vec<f64> = (0..200).map(|n| 4.0 * f64::from(n)).collect();
+        let mut all = vec![truth.clone()];
+        unwrap_all(&mut all);
+        assert_eq!(all[0], truth);
     }
 
     #[test]

@@ -46,7 +46,7 @@ pub(crate) mod sealed_line;
 mod segments;
 pub mod stream;
 mod time_fit;
-mod unwrap;
+pub(crate) mod unwrap;
 pub mod values;
 pub mod writer;
 

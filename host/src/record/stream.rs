@@ -4,8 +4,8 @@
 //! continuous over the whole stretch: the samples are those that [`super::Record::read`] gives,
 //! with gaps and missing values cut as there, the rig's rate telling what a gap is. Two things need
 //! the whole record and are not done: an uneven clock is not made even, and its jitter is not told.
-//! Whether a column of counts wraps is told by all of it too: such a record is read twice, unless
-//! it is whirl's own.
+//! Whether a column of counts or of an angle wraps is told by all of it too: such a record is read
+//! twice, unless it is whirl's own.
 
 use std::ops::Range;
 use std::path::Path;
@@ -105,20 +105,7 @@ fn blocks(path: &Path, rig: &Rig, options: &ReadOptions, take: &mut dyn FnMut(&B
     }
     let mut source = (streamed.open)(path, rig, options)?;
     let own = source.metadata().is_some();
-    let mut spans = vec![unwrap::Span::default(); rig.channel.len()];
-    if !own && rig.channel.iter().any(|c| c.unit == "count") {
-        let mut first = (streamed.open)(path, rig, options)?;
-        pass(&mut *first, path, rig, &mut |rows, range, begins| {
-            for (span, column) in spans.iter_mut().zip(&rows.columns) {
-                if let Column::Counts(x) = column {
-                    span.add(&x[range.clone()], begins);
-                }
-            }
-            Ok(())
-        })?;
-    }
-    let moduli: Vec<Option<f64>> =
-        rig.channel.iter().zip(&spans).map(|(c, s)| unwrap::turn(c).or(s.modulus(c)).filter(|_| !own)).collect();
+    let moduli = if own { vec![None; rig.channel.len()] } else { moduli(streamed, path, rig, options)? };
     let mut carried = vec![unwrap::Carry::default(); rig.channel.len()];
     let mut wraps = vec![0u64; rig.channel.len()];
     let mut summary = pass(&mut *source, path, rig, &mut |rows, range, begins| {
@@ -152,6 +139,40 @@ fn blocks(path: &Path, rig: &Rig, options: &ReadOptions, take: &mut dyn FnMut(&B
         }
     }
     Ok(summary)
+}
+
+/// What each channel wraps at, none where it does not: the record read through.
+fn moduli(streamed: Streamed, path: &Path, rig: &Rig, options: &ReadOptions) -> Result<Vec<Option<f64>>> {
+    if rig.channel.iter().all(|c| c.unit != "count" && unwrap::turn(c).is_none()) {
+        return Ok(vec![None; rig.channel.len()]);
+    }
+    let mut spans = vec![unwrap::Span::default(); rig.channel.len()];
+    let mut turns: Vec<Option<unwrap::Turns>> =
+        rig.channel.iter().map(|c| unwrap::turn(c).map(unwrap::Turns::new)).collect();
+    let mut first = (streamed.open)(path, rig, options)?;
+    pass(&mut *first, path, rig, &mut |rows, range, begins| {
+        for (k, column) in rows.columns.iter().enumerate() {
+            match (column, &mut turns[k]) {
+                (Column::Counts(x), _) => spans[k].add(&x[range.clone()], begins),
+                (Column::Values(x), Some(turns)) => {
+                    let mut part = Column::Values(x[range.clone()].to_vec());
+                    // Values have no range that a gain could leave.
+                    let _ = rig.channel[k].apply(&mut part);
+                    if let Column::Values(x) = &part {
+                        turns.add(x, begins);
+                    }
+                }
+                (Column::Values(_), None) => {}
+            }
+        }
+        Ok(())
+    })?;
+    let each = rig.channel.iter().zip(spans.iter().zip(&turns));
+    let modulus = each.map(|(channel, (span, turns))| match turns {
+        Some(turns) if turns.wrap() => unwrap::turn(channel),
+        _ => span.modulus(channel),
+    });
+    Ok(modulus.collect())
 }
 
 /// Takes rows of a range, and whether a stretch begins with it.

@@ -78,6 +78,28 @@ fn a_csv_file_with_gaps_holes_and_wraps_comes_in_the_same_stretches() {
     assert!((400_000..900_000).contains(&size), "{size}");
 }
 
+/// An angle that is counted on is left as it stands, and one modulo a turn beside it is not.
+#[test]
+fn an_angle_of_many_turns_comes_as_it_stands() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut rig = rig(&[("deg", None), ("rad", None)]);
+    rig.channel[1].gain = Some(-1.0);
+    let mut text = "t,c0,c1\n".to_owned();
+    let speed = |i: u32| 340.0 * f64::from(i) + 9e4 * (1e-3 * f64::from(i)).sin();
+    let angle = |i: u32| 0.3 * f64::from(i);
+    for i in 0..20_000 {
+        let wrapped = angle(i).sin().atan2(angle(i).cos());
+        let _ = writeln!(text, "{:.2},{:?},{wrapped:?}", 0.01 * f64::from(i), speed(i));
+    }
+    let path = folder.path().join("a.csv");
+    std::fs::write(&path, &text).unwrap();
+    let (stretches, summary, _) = glued(&path, &rig);
+    let told: Vec<&str> = summary.warnings.iter().map(|w| &*w.text).collect();
+    assert!(matches!(told[..], [one] if one.starts_with("c1 is recorded modulo")), "{told:?}");
+    let last = stretches[0][0].last().unwrap().to_degrees();
+    assert!((last / speed(19_999) - 1.0).abs() < 1e-9, "{last}");
+}
+
 #[test]
 fn parquet_and_gzip_come_in_the_same_stretches() {
     let folder = tempfile::tempdir().unwrap();
