@@ -68,17 +68,20 @@ pub fn prepare(records: &[Record], rig: &Rig, bound: &ObservedModel, settings: &
 /// As [`prepare`].
 pub fn prepare_moving(records: &[Record], rig: &Rig, bound: &ObservedModel, settings: &Settings) -> Result<Prepared> {
     let mut out = Steady::of(records, rig, bound, &settings.zeros)?;
-    let mut found = out.measured(records, rig, bound, settings)?;
+    let found = out.measured(records, rig, bound, settings)?;
     let Sensors { count, sigma, .. } = &found.sensors;
     let fineness = |(count, sigma): (&Option<f64>, &f64)| count.map_or(Fineness::Noise(*sigma), Fineness::Counts);
     let sensors: Vec<Fineness> = count.iter().zip(sigma).map(fineness).collect();
     let windows = &found.geometry.windows;
     let still = standstill::leave_out(&mut out.stretches, &mut out.record_of, bound, &sensors, windows);
-    if !still.is_empty() {
-        out.warnings.extend(standstill::told(&still, records, bound));
-        found = out.measured(records, rig, bound, settings)?;
+    if still.is_empty() {
+        return out.ready(found, rig, records);
     }
-    Ok(Prepared { still, ..out.ready(found, rig, records)? })
+    out.warnings.extend(standstill::told(&still, records, bound));
+    let left = out.measured(records, rig, bound, settings).and_then(|found| out.ready(found, rig, records));
+    // What is left may ask for other windows than the whole, and have no room for them: nothing of
+    // a record that can be used as a whole is left out then.
+    left.map(|left| Prepared { still, ..left }).or_else(|_| prepare(records, rig, bound, settings))
 }
 
 /// Stretches of steady drive.
@@ -169,13 +172,7 @@ impl Steady {
                     geometry.windows.length_s
                 ),
             )
-            .remedy(if nan_rows > 0 {
-                "Find out why the sensor gives no number there; --resample bridges short gaps. Otherwise record longer"
-            } else if self.stretches.len() > records.len() {
-                "Gaps cut the record: --resample bridges short ones. Otherwise record longer, or give `identify` or `explain` a shorter window with --window-s"
-            } else {
-                "Record longer, or give `identify` or `explain` a shorter window with --window-s"
-            });
+            .remedy(longer(records, self.stretches.len()));
             if let Some(r) = records.first() {
                 error = error.in_file(&r.path);
             }
@@ -183,6 +180,24 @@ impl Steady {
         }
         let Self { stretches, record_of, indices, warnings } = self;
         Ok(Prepared { stretches, record_of, indices, sensors, geometry, still: Vec::new(), warnings })
+    }
+}
+
+/// What to do about `stretches` that are all too short.
+fn longer(records: &[Record], stretches: usize) -> String {
+    let rest = "ecord longer, or give `identify` or `explain` a shorter window with --window-s";
+    let is_left_out =
+        |w: &&Warning| w.details.get("left_out").and_then(serde_json::Value::as_u64).is_some_and(|n| n > 0);
+    if records.iter().any(|r| r.losses.nan_rows > 0) {
+        "Find out why the sensor gives no number there; --resample bridges short gaps. Otherwise record longer".into()
+    } else if records.iter().any(|r| r.losses.gaps > 0) {
+        format!("Gaps cut the record: --resample bridges short ones. Otherwise r{rest}")
+    } else if let Some(w) =
+        records.iter().flat_map(|r| &r.warnings).find(is_left_out).filter(|_| stretches > records.len())
+    {
+        format!("Rows that are left out cut the record: {}. {}. Otherwise r{rest}", w.text, w.advice)
+    } else {
+        format!("R{rest}")
     }
 }
 
@@ -270,4 +285,24 @@ pub(super) fn keep_steady_drive(
     }
     (*stretches, *record_of) = (kept, from);
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::Losses;
+
+    #[test]
+    fn what_cuts_a_record_is_said() {
+        let left_out = Warning::new("channel-stopped", "a stops", "Look at its cable").with("left_out", 20);
+        let of = |gaps: u64, warnings: &[Warning]| Record {
+            losses: Losses { gaps, ..Losses::default() },
+            warnings: warnings.to_vec(),
+            ..Record::default()
+        };
+        let cut = longer(&[of(0, std::slice::from_ref(&left_out))], 2);
+        assert!(cut.contains("left out cut the record: a stops. Look at its cable. Otherwise record"), "{cut}");
+        assert!(longer(&[of(1, &[left_out])], 3).starts_with("Gaps cut the record"));
+        assert!(longer(&[of(0, &[])], 1).starts_with("Record longer"));
+    }
 }

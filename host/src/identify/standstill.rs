@@ -8,13 +8,23 @@
 //! period of the highest frequency that is looked at. A sensor that bends by clearly more than its
 //! noise there turns round.
 //!
-//! Limits: sticking for less than that stays in; a slow swing of fewer than about five counts is
-//! left out at its turning points.
+//! A motion that is slower than its sensor's resolution there stays within it as well, at a turning
+//! point or in a flat place of a beat, and stands nowhere. What tells is how it leaves. Velocity,
+//! acceleration and the third derivative of two swings vanish at once at most, so that what stays
+//! within a range R for a time T about such a place is within R (1 + 2τ/T)⁴ of it at τ behind. A
+//! joint that friction held leaves with an acceleration a, by a τ²/2. It stands still where it goes
+//! beyond that, and R for the sensor's own error, within τ < T/2 on either side (whichever the
+//! stretch has): from T ≈ 12 √(R/a) on, four times as long as it would take to turn round. And a
+//! coordinate of whose acceleration no equation speaks is no joint: a circuit that has settled
+//! rests where its equation says.
+//!
+//! Limits: sticking for less than that stays in.
 
 use rayon::prelude::*;
 
 use super::stretches::Stretch;
 use super::windows::Windows;
+use crate::model::model_file::expression::Symbol;
 use crate::record::Record;
 use crate::rig::measures::ObservedModel;
 use crate::warning::Warning;
@@ -160,19 +170,31 @@ struct Span {
 /// Standstills of any sensor for `still_s`, in order.
 fn standstills(stretch: &Stretch, bound: &ObservedModel, sensors: &[Fineness], still_s: f64) -> Vec<Span> {
     let least = (still_s / stretch.step_s).ceil().max(2.0) as usize;
+    let joints: Vec<bool> = (0..sensors.len()).map(|sensor| is_joint(bound, sensor)).collect();
     let of_sensor = |(sensor, (values, fineness)): (usize, (Vec<f64>, &Fineness))| {
+        if !joints[sensor] {
+            return Vec::new();
+        }
         let spans = match *fineness {
-            Fineness::Counts(count) => within(&values, COUNTS * count, least),
+            Fineness::Counts(count) => {
+                let range = COUNTS * count;
+                held(&within(&values, range, least), &values, range)
+            }
             Fineness::Noise(sigma) => {
                 let each = (least / MEANS).max(1);
                 let mean = |x: &[f64]| x.iter().sum::<f64>() / x.len() as f64;
                 let means: Vec<f64> = values.chunks(each).map(mean).collect();
-                let found = within(&means, RANGE * sigma / (each as f64).sqrt(), least.div_ceil(each));
-                let whole = found.into_iter().map(|(first, last)| (each * first, (each * last).min(values.len())));
-                whole.filter(|(first, last)| !bends(&values[*first..*last], sigma)).collect()
+                let range = RANGE * sigma / (each as f64).sqrt();
+                let samples = |(first, last): (usize, usize)| (each * first, (each * last).min(values.len()));
+                let mut found = within(&means, range, least.div_ceil(each));
+                found.retain(|span| {
+                    let (first, last) = samples(*span);
+                    !bends(&values[first..last], sigma)
+                });
+                held(&found, &means, range).into_iter().map(samples).collect()
             }
         };
-        spans.into_iter().map(|(first, last)| Span { first, last, sensor }).collect()
+        spans.into_iter().map(|(first, last)| Span { first, last, sensor }).collect::<Vec<Span>>()
     };
     let shown: Vec<(Vec<f64>, &Fineness)> = stretch.sensors(bound).into_iter().zip(sensors).collect();
     let each: Vec<Vec<Span>> = shown.into_par_iter().enumerate().map(of_sensor).collect();
@@ -190,6 +212,52 @@ fn bends(values: &[f64], sigma: f64) -> bool {
     let norm: f64 = (0..values.len()).map(|i| square(i).powi(2)).sum();
     let bend = values.iter().enumerate().map(|(i, x)| x * square(i)).sum::<f64>() / norm;
     bend.abs() > BENT * sigma / norm.sqrt() && bend.abs() * half * half > sigma
+}
+
+/// Whether a sensor shows a coordinate that has an inertia.
+fn is_joint(bound: &ObservedModel, sensor: usize) -> bool {
+    let equations = &bound.model.equations;
+    let accelerates = |k: usize| {
+        let is_its = |s: Symbol| s == Symbol::Acceleration(k);
+        equations.iter().any(|e| e.balance.any(&is_its) || e.terms.iter().any(|t| t.of.any(&is_its)))
+    };
+    (0..bound.shown.ncols()).any(|k| bound.shown[(sensor, k)] != 0.0 && accelerates(k))
+}
+
+/// Least and greatest of numbers.
+fn extent(values: &[f64]) -> (f64, f64) {
+    values.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| (low.min(*x), high.max(*x)))
+}
+
+/// Of spans within a range those that no smooth motion makes; spans that noise alone divides are
+/// one.
+fn held(spans: &[(usize, usize)], values: &[f64], range: f64) -> Vec<(usize, usize)> {
+    let mut joined: Vec<(usize, usize)> = Vec::new();
+    for &(first, last) in spans {
+        let with = joined.last().filter(|one| one.1 == first).map(|one| extent(&values[one.0..last]));
+        match joined.last_mut() {
+            Some(one) if with.is_some_and(|(low, high)| high - low <= 2.0 * range) => one.1 = last,
+            _ => joined.push((first, last)),
+        }
+    }
+    joined.retain(|span| is_left_at_once(values, *span, range));
+    joined
+}
+
+/// Whether numbers go away from a span within a range, on either side that there is, by more than a
+/// smooth motion would that stays there for so long.
+fn is_left_at_once(values: &[f64], (first, last): (usize, usize), range: f64) -> bool {
+    let (low, high) = extent(&values[first..last]);
+    let (middle, range) = (0.5 * (low + high), range.max(high - low));
+    let (length, reach) = ((last - first) as f64, (last - first) / 2);
+    let leaves = |(k, x): (usize, &f64)| {
+        let grown = (1.0 + 2.0 * (k + 1) as f64 / length).powi(4);
+        (x - middle).abs() > range * (1.0 + grown)
+    };
+    let before = &values[first.saturating_sub(reach)..first];
+    let behind = &values[last..(last + reach).min(values.len())];
+    (before.is_empty() || before.iter().rev().enumerate().any(leaves))
+        && (behind.is_empty() || behind.iter().enumerate().any(leaves))
 }
 
 /// First and last + 1 of at least `least` numbers in a row that stay within a range.
@@ -230,112 +298,5 @@ fn merged(spans: &[Span]) -> Vec<(usize, usize)> {
 }
 
 #[cfg(test)]
-mod tests {
-    use core::f64::consts::TAU;
-    use std::path::Path;
-
-    use nalgebra::DMatrix;
-
-    use super::*;
-    use crate::rig::{Rig, as_own};
-    use crate::signal::angles::Phase;
-
-    const Q: f64 = TAU / 1024.0;
-    const WINDOWS: Windows = Windows { length_s: 3.0, hop_s: 1.5, frequencies: 30 };
-    const COUNT: [Fineness; 2] = [Fineness::Counts(Q); 2];
-
-    fn bound() -> ObservedModel {
-        let rig = Rig::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/chaotic.toml")).unwrap();
-        let own = as_own::coordinates(&rig).unwrap();
-        let bound = (*own.bound.unwrap()).clone();
-        assert_eq!(bound.shown, DMatrix::from_row_slice(2, 2, &[1.0, 0.0, -1.0, 1.0]));
-        bound
-    }
-
-    fn stretch(phi: impl Fn(f64) -> f64) -> Stretch {
-        let x: Vec<f64> = (0..5000).map(|i| ((phi(i as f64 * 0.002) / Q).floor() + 0.5) * Q).collect();
-        let second = x.iter().enumerate().map(|(i, x)| x + i as f64 * 0.01).collect();
-        Stretch {
-            start_s: 0.0,
-            step_s: 0.002,
-            coordinates: vec![x, second],
-            inputs: Vec::new(),
-            phase: Phase::Clock(0.0),
-            amplitude_nm: None,
-            history: None,
-            base: None,
-        }
-    }
-
-    /// Noise on a motion that stops. A swing of a tenth of the noise is no motion, one of ten times
-    /// the noise is.
-    #[test]
-    fn a_joint_that_sticks_is_seen_through_noise() {
-        let bound = bound();
-        let (sigma, mut seed) = (1e-3, 7_u32);
-        let mut noise = || {
-            let mut uniform = || {
-                seed = seed.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                f64::from(seed >> 8) / f64::from(1 << 24) - 0.5
-            };
-            sigma * (0..12).map(|_| uniform()).sum::<f64>()
-        };
-        let mut with = |phi: &dyn Fn(f64) -> f64| {
-            let mut out = stretch(|_| 0.0);
-            out.coordinates[0] = (0..5000).map(|i| phi(0.002 * f64::from(i)) + noise()).collect();
-            out.coordinates[1] = (0..5000).map(|i| (0.05 * f64::from(i)).sin()).collect();
-            out
-        };
-        let sensors = [Fineness::Noise(sigma), Fineness::Noise(1e-6)];
-        let sticks = with(&|t| if t < 4.0 { (7.0 * t).sin() } else { 0.1 });
-        let found = standstills(&sticks, &bound, &sensors, 0.5);
-        assert!(!found.is_empty() && found.iter().all(|s| s.sensor == 0), "{found:?}");
-        let all = merged(&found);
-        assert!(all.len() == 1 && all[0].0.abs_diff(2000) < 40 && all[0].1 == 5000, "{all:?}");
-        assert!(!standstills(&with(&|t| 1e-4 * (14.0 * t).sin()), &bound, &sensors, 0.5).is_empty());
-        assert!(standstills(&with(&|t| 1e-2 * (14.0 * t).sin()), &bound, &sensors, 0.5).is_empty());
-    }
-
-    /// Few samples, at a turning point: means of two stay within what noise gives.
-    #[test]
-    fn a_turning_point_that_stands_out_of_the_noise_is_no_standstill() {
-        let bound = bound();
-        let noise = |i: i32| f64::from((i * 7919) % 1009) / 1009.0 - 0.5;
-        let with = |bend: f64| {
-            let mut out = stretch(|_| 0.0);
-            out.coordinates[0] = (0..200).map(|i| bend * f64::from(i - 100).powi(2) + 3.46 * noise(i)).collect();
-            out.coordinates[1] = (0..200).map(|i| 3.0 * f64::from(i)).collect();
-            out
-        };
-        let sensors = [Fineness::Noise(1.0), Fineness::Noise(1e-6)];
-        let near = |found: &[Span]| found.iter().any(|s| s.sensor == 0 && s.first <= 100 && s.last >= 100);
-        assert!(near(&standstills(&with(0.0), &bound, &sensors, 0.032)));
-        assert!(!near(&standstills(&with(0.07), &bound, &sensors, 0.032)));
-    }
-
-    #[test]
-    fn a_joint_that_sticks_is_left_out_and_one_that_turns_is_not() {
-        let bound = bound();
-        let sticks = stretch(|t| if t < 4.0 { (7.0 * t).sin() } else { 0.1 });
-        let found = standstills(&sticks, &bound, &COUNT, 0.5);
-        assert_eq!(found.len(), 1, "{found:?}");
-        assert!(found[0].first.abs_diff(2000) < 30 && (found[0].last, found[0].sensor) == (5000, 0), "{found:?}");
-        assert!(standstills(&stretch(|t| 0.3 * (5.0 * t).sin()), &bound, &COUNT, 0.5).is_empty());
-        // A slow swing has longer windows, and its turning points are no standstills.
-        let slow = stretch(|t| 0.02 * (0.7 * t).sin());
-        assert!(!standstills(&slow, &bound, &COUNT, 0.5).is_empty());
-        assert!(standstills(&slow, &bound, &COUNT, STILL * 45.0).is_empty());
-        let (mut stretches, mut records) = (vec![sticks], vec![3]);
-        let still = leave_out(&mut stretches, &mut records, &bound, &COUNT, &WINDOWS);
-        assert!(stretches.len() == 1 && stretches[0].len().abs_diff(2000) < 30 && still.len() == 1);
-        assert!((still[0].sensor, still[0].record) == (0, 3) && (still[0].stretch.start_s - 4.0).abs() < 0.06);
-        assert_eq!(records, [3]);
-        // Stop and go: what is left would have no room for windows.
-        let mut goes = vec![stretch(|t| if t % 2.0 < 1.3 { (7.0 * t).sin() } else { 0.1 })];
-        assert!(leave_out(&mut goes, &mut records, &bound, &COUNT, &WINDOWS).is_empty() && goes.len() == 1);
-        // Nothing long enough would be left: what to say of such a record is for others to decide.
-        let mut all = vec![stretch(|_| 0.1)];
-        assert!(leave_out(&mut all, &mut records, &bound, &COUNT, &WINDOWS).is_empty());
-        assert!(all.len() == 1 && all[0].len() == 5000);
-    }
-}
+#[path = "standstill_tests.rs"]
+mod tests;
