@@ -7,6 +7,7 @@ use super::counts::{self, Wrap};
 use super::raw::Raw;
 use crate::inspect::motion::quantisation_step;
 use crate::record::{Column, names};
+use crate::rig::Channel;
 use crate::wording::format::significant;
 
 /// Words in a name that say an angle.
@@ -14,6 +15,10 @@ const ANGLES: [&str; 19] = [
     "theta", "phi", "angle", "winkel", "enc", "count", "rot", "alpha", "beta", "gamma", "psi", "pend", "arm", "joint",
     "gelenk", "zähl", "θ", "φ", "ϕ",
 ];
+/// Beginnings of words in a name that say a counter, and what says one wherever it stands: whole
+/// numbers alone may as well be pixels of a camera or levels of a converter.
+const COUNTERS: [&str; 8] = ["enc", "count", "cnt", "tick", "pulse", "incr", "zähl", "quad"];
+const COUNTING: [&str; 4] = ["encoder", "counts", "pos_raw", "raw_pos"];
 /// Functions that give an angle.
 const INVERSE: [&str; 4] = ["atan2", "atan", "asin", "acos"];
 /// Units that an angle may be in, where neither its name nor its values say which.
@@ -76,6 +81,11 @@ pub struct Seen {
     pub is_unit_open: bool,
     /// Counts a turn, where the values show them.
     pub counts: Option<u32>,
+    /// Whether it may be an encoder's counts, though neither its name nor its values say so: whole
+    /// numbers.
+    pub may_count: bool,
+    /// How far its values go, in the SI unit of [`Self::unit`].
+    pub range: f64,
     /// Why.
     pub why: Vec<Statement>,
 }
@@ -156,6 +166,8 @@ fn one(name: &str, index: usize, parts: &[&[f64]]) -> Seen {
         factor: 1.0,
         is_unit_open: false,
         counts: None,
+        may_count: false,
+        range: 0.0,
         why: vec![],
     };
     if e.high <= e.low {
@@ -170,6 +182,8 @@ fn one(name: &str, index: usize, parts: &[&[f64]]) -> Seen {
     } else {
         by_values(&mut seen, parts, e);
     }
+    // Counts of an unknown turn are compared among themselves.
+    seen.range = (e.high - e.low) * (seen.factor * Channel::new("", seen.unit).scale()).abs();
     seen
 }
 
@@ -212,7 +226,8 @@ fn by_unit(seen: &mut Seen, unit: names::NamedUnit, text: &str, parts: &[&[f64]]
     if let Some(n) = turn.and_then(|turn| counts::of_step(step(parts), turn / unit.factor)) {
         why.push_str(&format!("; its values are steps of 1/{n} of a turn"));
     }
-    seen.why.push(Statement::new(&seen.name, format!("{} in {name}", seen.kind.words()), why));
+    let what = if name == "1" { "numbers".to_owned() } else { format!("{} in {name}", seen.kind.words()) };
+    seen.why.push(Statement::new(&seen.name, what, why));
 }
 
 fn step(parts: &[&[f64]]) -> f64 {
@@ -226,7 +241,10 @@ fn by_values(seen: &mut Seen, parts: &[&[f64]], e: Extent) {
     let called = ANGLES.iter().any(|a| small.contains(a));
     let whole = parts.iter().all(|p| p.iter().all(|x| x.fract() == 0.0));
     if whole && e.high - e.low > MARKS {
-        return counted(seen, parts, e);
+        if called || is_counter(&small) || counts::wrapped(parts, e).is_some() {
+            return counted(seen, parts, e);
+        }
+        seen.may_count = true;
     }
     let turns = [("rad", core::f64::consts::TAU), ("deg", 360.0)];
     if let Some((unit, turn)) = turns.into_iter().find(|(_, turn)| counts::wraps(parts, *turn)) {
@@ -253,6 +271,12 @@ fn by_values(seen: &mut Seen, parts: &[&[f64]], e: Extent) {
         let why = format!("its name says an angle, and its values go to {}{beside}", significant(size, 3));
         seen.why.push(Statement::new(&seen.name, format!("an angle in {unit}"), why).unsure());
     }
+}
+
+/// Whether a name in small letters says a counter.
+fn is_counter(small: &str) -> bool {
+    let mut words = small.split(|c: char| !c.is_alphanumeric());
+    words.any(|word| COUNTERS.iter().any(|c| word.starts_with(c))) || COUNTING.iter().any(|c| small.contains(c))
 }
 
 /// Root of the mean square of what a column moves by from one row to the next.

@@ -9,10 +9,12 @@ use crate::error::{BadInput, Result};
 use crate::model::MODELS;
 use crate::model::model_file::toml_place::{self, Source};
 use crate::model::model_file::{self, Space};
+use crate::rig::Channel;
 use crate::rig::declared::{self, Declared};
 use crate::rig::measures::BASE;
 use crate::system::library::Pendulum;
 use crate::system::{self, library};
+use crate::wording::format::shell_word;
 
 /// Counts a turn where nothing shows them: the commonest encoder, 1024 lines counted four times.
 pub(super) const COMMON: u32 = 4096;
@@ -140,7 +142,8 @@ pub(super) fn choose(raw: &Raw, seen: &[Seen], settings: &Settings) -> Result<Ch
         let text = format!("{angles} column{} of angles", if angles == 1 { "" } else { "s" });
         why.push(Statement::new("model", &model, format!("{text}; another system is told by --system")));
     }
-    let columns = assign(raw, seen, &mut needs, settings)?;
+    let (columns, chosen) = assign(raw, seen, &mut needs, settings)?;
+    why.extend(chosen);
     let mut unused = Vec::new();
     for s in seen.iter().filter(|s| !columns.iter().any(|c| c.index == s.index)) {
         let computed = columns.iter().find(|c| s.is_in(&c.name));
@@ -162,8 +165,19 @@ pub(super) fn choose(raw: &Raw, seen: &[Seen], settings: &Settings) -> Result<Ch
             },
         );
     }
-    let channels = columns.iter().zip(&needs.list).map(|(s, n)| channel(s, &n.name)).collect();
+    let channels = columns.iter().zip(&needs.list).map(|(s, n)| channel(&meant(s, n), &n.name)).collect();
     Ok(Chosen { model: Some(model), why, channels, unused, may_be_driven: needs.phase })
+}
+
+/// A column as what it is to show: whole numbers that are to be an angle are an encoder's.
+fn meant(s: &Seen, need: &Need) -> Seen {
+    let mut s = s.clone();
+    if s.may_count && need.kind == Kind::Angle {
+        s.unit = "count";
+        let why = format!("whole numbers, and {} is an angle", need.name);
+        s.why = vec![Statement::new(&s.name, "an angle in counts", why)];
+    }
+    s
 }
 
 /// A channel for each column that moves, of no system.
@@ -186,7 +200,11 @@ fn channel(seen: &Seen, measures: &str) -> DraftChannel {
         why.push(Statement::new(&seen.name, text, "nothing in the record shows them; this is the commonest").unsure());
     }
     if seen.unit == "1" {
-        let text = "neither its name nor its values say its unit: write it in the rig file, unit = \"m\", \"mm\", \"rad\", \"deg\", \"N\", \"V\" …";
+        let text = if why.is_empty() {
+            "neither its name nor its values say its unit: write it in the rig file, unit = \"m\", \"mm\", \"rad\", \"deg\", \"N\", \"V\" …"
+        } else {
+            "with a scale write its unit in the rig file, unit = \"mm\", and what one of them is, gain = 0.1"
+        };
         why.push(Statement::new(&seen.name, "numbers without a unit", text).unsure());
     }
     DraftChannel {
@@ -200,8 +218,13 @@ fn channel(seen: &Seen, measures: &str) -> DraftChannel {
 }
 
 /// The column of each quantity: the one that `--map` says, that is called so, or the next of its
-/// kind.
-fn assign<'a>(raw: &Raw, seen: &'a [Seen], needs: &mut Needs, settings: &Settings) -> Result<Vec<&'a Seen>> {
+/// kind; of more than there is need for those that move most, which is said.
+fn assign<'a>(
+    raw: &Raw,
+    seen: &'a [Seen],
+    needs: &mut Needs,
+    settings: &Settings,
+) -> Result<(Vec<&'a Seen>, Vec<Statement>)> {
     let mut out: Vec<Option<&Seen>> = vec![None; needs.list.len()];
     for (measure, column) in &settings.choices.map {
         let names: Vec<String> = seen.iter().map(|s| s.name.clone()).collect();
@@ -242,20 +265,27 @@ fn assign<'a>(raw: &Raw, seen: &'a [Seen], needs: &mut Needs, settings: &Setting
             out[k] = Some(free.remove(i));
         }
     }
+    let mut why = Vec::new();
     // First those whose kind fits, then any whose kind nothing says.
     for wanted in [false, true] {
-        for (k, need) in needs.list.iter().enumerate() {
+        for k in 0..needs.list.len() {
+            let need = &needs.list[k];
             let fits =
                 |s: &&Seen| !need.refuses(s) && if wanted { s.kind == Kind::Unknown } else { s.kind == need.kind };
-            if out[k].is_none()
-                && let Some(i) = free.iter().position(fits)
-            {
-                out[k] = Some(free.remove(i));
+            let open =
+                |(other, column): &(&Need, &Option<&Seen>)| column.is_none() && (wanted || other.kind == need.kind);
+            let count = needs.list.iter().zip(&out).filter(open).count();
+            let possible: Vec<&Seen> = free.iter().copied().filter(fits).collect();
+            let Some(found) = next(&possible, count).filter(|_| out[k].is_none()) else { continue };
+            if possible.len() > count {
+                why.push(one_of(found, &possible, &need.name));
             }
+            free.retain(|s| s.index != found.index);
+            out[k] = Some(found);
         }
     }
     match out.iter().position(Option::is_none) {
-        None => Ok(out.into_iter().flatten().collect()),
+        None => Ok((out.into_iter().flatten().collect(), why)),
         Some(k) => {
             let list: Vec<String> = seen.iter().map(|s| format!("{} ({})", s.name, words(s))).collect();
             Err(BadInput::new(
@@ -270,6 +300,31 @@ fn assign<'a>(raw: &Raw, seen: &'a [Seen], needs: &mut Needs, settings: &Setting
             )))
         }
     }
+}
+
+/// The first of the `count` columns that move most, or of all where they are in several units.
+fn next<'a>(possible: &[&'a Seen], count: usize) -> Option<&'a Seen> {
+    let mut most: Vec<&Seen> = possible.to_vec();
+    if comparable(possible) {
+        most.sort_by(|a, b| b.range.total_cmp(&a.range));
+        most.truncate(count);
+    }
+    possible.iter().copied().find(|s| most.iter().any(|m| m.index == s.index))
+}
+
+/// Whether columns are in units of one kind, so that the ranges of their values compare.
+fn comparable(columns: &[&Seen]) -> bool {
+    let si = |s: &Seen| Channel::new("", s.unit).si_unit().to_owned();
+    columns.windows(2).all(|w| si(w[0]) == si(w[1]))
+}
+
+/// What is said of a column that is one of several which may be meant.
+fn one_of(found: &Seen, possible: &[&Seen], need: &str) -> Statement {
+    let others: Vec<&str> = possible.iter().filter(|s| s.index != found.index).map(|s| s.name.as_str()).collect();
+    let how = if comparable(possible) { "it moves most" } else { "it stands first" };
+    let option = format!("--map {need}={}", shell_word(others.first().unwrap_or(&"COLUMN")));
+    let why = format!("{} may be meant as well, and {how}; another one is told by {option}", others.join(", "));
+    Statement::new(&found.name, need, why).unsure()
 }
 
 fn same_name(column: &str, need: &str) -> bool {

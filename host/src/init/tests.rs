@@ -212,3 +212,61 @@ fn a_column_in_a_unit_of_another_kind_is_left_out_and_marked() {
     let left = d.unused.iter().find(|s| s.of == "I / mA").unwrap();
     assert!(left.check && left.why.contains("its unit A is none of force"), "{left:?}");
 }
+
+/// A model file of one displacement.
+const SPRING: &str = "name = \"s\"\ntime = \"s\"\ncoordinates = [{ name = \"x\", space = \"R\" }]\n\
+    [[equation]]\nbalance = \"-x''\"\nterms = { k = \"x\", c = \"x'\", o = \"1\" }\n";
+
+fn of_spring(text: &str) -> Result<Draft> {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("spring.toml");
+    std::fs::write(&model, SPRING).unwrap();
+    drafted("a.csv", text, model.to_str())
+}
+
+#[test]
+fn whole_numbers_are_counts_only_where_something_says_so() {
+    let text = |name: &str, size: f64| {
+        let at = |i: f64| size * (-i / 600.0).exp() * (0.03 * i).sin();
+        format!("t,{name}\n{}", rows(3000, |i| format!("{:.3},{}", 0.01 * i, at(i).round())))
+    };
+    for name in ["enc_a", "MotorEncoder", "ticks 1", "pos_raw", "theta"] {
+        let d = drafted("a.csv", &text(name, 500.0), Some("single-pendulum")).unwrap();
+        assert_eq!(channel(&d, name).unit, "count", "{name}");
+    }
+    for name in ["x", "Pixel (X) [px]", "level"] {
+        let d = of_spring(&text(name, 100.0)).unwrap();
+        let c = channel(&d, name);
+        assert_eq!((c.unit.as_str(), c.measures.as_str(), c.counts_per_turn), ("1", "x", None), "{name}");
+        assert!(c.why.iter().any(|s| s.check), "{name}: {:?}", c.why);
+        // Nothing says what they are, and so not which system they are of.
+        assert!(drafted("a.csv", &text(name, 100.0), None).unwrap_err().to_string().contains("--system"), "{name}");
+    }
+    // A system whose only quantity is an angle makes them an encoder's.
+    let d = drafted("a.csv", &text("x", 500.0), Some("single-pendulum")).unwrap();
+    let c = channel(&d, "x");
+    assert!(c.unit == "count" && c.counts_per_turn.is_some(), "{c:?}");
+}
+
+#[test]
+fn of_more_columns_than_a_system_needs_those_are_meant_that_move_most() {
+    let head = |names: &str, sizes: [f64; 3]| {
+        let of = |k: usize, i: f64| sizes[k] * ((0.02 + 0.01 * k as f64) * i).sin();
+        let row = |i: f64| format!("{:.3},{:.4},{:.4},{:.4}", 0.01 * i, of(0, i), of(1, i), of(2, i));
+        format!("{names}\n{}", rows(3000, row))
+    };
+    let d = of_spring(&head("t,Pixel (X) [px],X Position [mm],Y Position [cm]", [300.0, 4.0, 3.3])).unwrap();
+    let told = d.why_model.iter().find(|s| s.of == "Y Position [cm]").unwrap();
+    assert!(d.channels.len() == 1 && d.channels[0].name == "Y Position [cm]" && d.channels[0].measures == "x");
+    assert!(
+        told.check && told.why.contains("X Position [mm] may be meant as well") && told.why.contains("--map x="),
+        "{told:?}"
+    );
+    // A capacitor's voltage is no temperature.
+    let d = of_spring(&head("t,V_R,V_C,T_C", [0.07, 1.3, 40.0])).unwrap();
+    assert_eq!(d.channels[0].name, "V_C");
+    assert!(d.unused.iter().any(|s| s.of == "T_C" && s.why.contains("rate or another quantity")), "{:?}", d.unused);
+    // As many as are needed stand in their order, and nothing is to be checked of that.
+    let d = drafted("a.csv", &head("t,x_mm,theta_deg,push_N", [4.0, 30.0, 9.0]), Some("cart-pendulum")).unwrap();
+    assert!(d.why_model.iter().all(|s| !s.check), "{:?}", d.why_model);
+}

@@ -53,7 +53,7 @@ pub struct NamedUnit {
 }
 
 /// Spellings of units: exact ones first, those in small letters behind.
-const UNITS: [(&[&str], Option<&str>, f64); 24] = [
+const UNITS: [(&[&str], Option<&str>, f64); 25] = [
     (&["deg", "degs", "degree", "degrees", "°", "grad"], Some("deg"), 1.0),
     (&["rad", "rads", "radian", "radians"], Some("rad"), 1.0),
     (&["mrad"], Some("rad"), 1e-3),
@@ -78,6 +78,8 @@ const UNITS: [(&[&str], Option<&str>, f64); 24] = [
     (&["rpm", "Hz", "kHz"], None, 1.0),
     (&["°C", "degC", "K", "C"], None, 1.0),
     (&["1", "-"], Some("1"), 1.0),
+    // Lengths of a scale that nobody says.
+    (&["px", "pixel", "pixels"], Some("1"), 1.0),
 ];
 
 /// How many of a unit of time there are in a second; none for what is no unit of time.
@@ -150,11 +152,19 @@ pub fn split(name: &str) -> (String, Option<String>) {
     if let Some((base, last)) = name.rsplit_once(['_', ' ', '/', '-'])
         && !base.is_empty()
         && last.parse::<f64>().is_err()
+        && !is_index(base, last)
         && (unit(last).is_some() || per_second(last).is_some())
     {
         return (base.trim().to_owned(), Some(last.to_owned()));
     }
     (name.to_owned(), None)
+}
+
+/// Whether a letter behind a name is a place and no unit: `V_C` is a voltage at C, `T_C` a
+/// temperature.
+fn is_index(base: &str, last: &str) -> bool {
+    let small = base.to_lowercase();
+    matches!(last, "C" | "K") && small != "t" && !small.starts_with("temp")
 }
 
 /// A name in small letters, its separators as single blanks.

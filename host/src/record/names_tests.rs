@@ -26,15 +26,19 @@ fn units_are_told_from_names() {
         ("Force(N) 2", "Force", "N"),
         ("Angle (deg) (furlong)", "Angle", "deg"),
         ("Angle (furlong)", "Angle", "furlong"),
+        ("Pixel (X) [px]", "Pixel (X)", "px"),
+        ("T_C", "T", "C"),
+        ("Temperature C", "Temperature", "C"),
     ] {
         assert_eq!(split(name), (base.to_owned(), Some(text.to_owned())), "{name}");
     }
-    for name in ["count1", "theta_1", "encoder", "phi2", "arm-2", "u", "x0", "x (1) left"] {
+    for name in ["count1", "theta_1", "encoder", "phi2", "arm-2", "u", "x0", "x (1) left", "V_C", "u_K"] {
         assert_eq!(split(name).1, None, "{name}");
     }
     assert_eq!(unit("Degrees").unwrap(), NamedUnit { unit: Some("deg"), factor: 1.0 });
     assert_eq!(unit("cm").unwrap(), NamedUnit { unit: Some("m"), factor: 0.01 });
     assert_eq!(unit("rad/s").unwrap().unit, None);
+    assert_eq!(unit("px").unwrap().unit, Some("1"));
     assert_eq!((unit("n"), unit("furlong")), (None, None));
 }
 
