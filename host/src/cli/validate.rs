@@ -39,6 +39,10 @@ pub struct Arguments {
     /// Seed of the noise in the model's own records.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// Length of a window, s, as `identify` has it [default: 20 drive periods, or 10 of the motion when
+    /// free].
+    #[arg(long, value_name = "S")]
+    window_s: Option<f64>,
     /// Bifurcation diagram over a factor on a parameter (drive: on all of the base's motion), such
     /// as drive=0.5:1.5.
     #[arg(long, value_name = "NAME=LOW:HIGH", value_parser = range)]
@@ -111,6 +115,7 @@ impl Single for Arguments {
             tolerance_deg: self.tolerance_deg,
             starts: self.starts,
             seed: self.seed,
+            window_s: self.window_s,
             bifurcation: self.bifurcation.clone(),
         };
         Ok(Ready { rig, model, free, settings })

@@ -15,11 +15,13 @@
 //! therefore twice as many.
 
 use super::geometry::{FEWEST_SAMPLES, PASS_OVER_END, PASS_OVER_TOP};
-use crate::signal::band::Band;
+use crate::signal::band::{self, Band};
 
 /// Periods of the dominant frequency in a window, as wished and at least.
 const PERIODS: f64 = 10.0;
 const FEWEST_PERIODS: f64 = 3.0;
+/// Fewest frequencies of the test functions.
+pub(super) const FEWEST_FREQUENCIES: f64 = 3.0;
 /// Windows that a record should hold: half of them overlapping, they give the jackknife and the
 /// folds of an explanation some 27 blocks.
 const WINDOWS: f64 = 14.0;
@@ -36,7 +38,7 @@ const MOST_REACH: f64 = 0.1;
 /// nothing.
 const FEWEST_WINDOWS: f64 = 6.0;
 /// Step by which they shorten.
-const SHORTEN: f64 = 0.95;
+pub(super) const SHORTEN: f64 = 0.95;
 
 /// The window of a record that gaps cut: as wished where its stretches hold [`FEWEST_WINDOWS`], else
 /// the longest of which they hold [`WINDOWS`], beside the low-pass's reach; as wished where there is
@@ -103,7 +105,7 @@ pub(super) fn choose(band: &Band, stretches_s: &[f64], rate: f64, length_s: Opti
         Kind::Free => f99.max((f99 * band.clear_end_hz).sqrt().min(3.5 * fd)).max(1.5 * fd),
         Kind::WithInputs(white) => excited(white),
     };
-    let top_hz = top_hz.max(3.0 / length_s).min(most_top);
+    let top_hz = top_hz.max(FEWEST_FREQUENCIES / length_s).min(most_top);
     let pass_hz = (PASS_OVER_END * band.end_hz.min(1.6 * band.clear_end_hz)).max(PASS_OVER_TOP * top_hz).min(most_pass);
     Choice { length_s, top_hz, pass_hz }
 }
@@ -115,12 +117,14 @@ pub(super) fn narrowest_hz(stretches_s: &[f64]) -> f64 {
     REACH / (MOST_REACH * longest)
 }
 
-/// The band of several sensors: what holds all of them; each is an iterator over its stretches.
+/// The band of several sensors: what holds all of them; each is an iterator over its stretches. Of
+/// short records and slow motions from as many pieces as show one.
 pub(super) fn band<'a, I: Iterator<Item = &'a [f64]> + Clone>(
-    sensors: impl Iterator<Item = I>,
+    sensors: impl Iterator<Item = I> + Clone,
     step_s: f64,
 ) -> Option<Band> {
-    sensors.filter_map(|s| crate::signal::band::of(s, step_s)).reduce(Band::and)
+    let of = |averages| sensors.clone().filter_map(|s| band::of(s, step_s, averages)).reduce(Band::and);
+    band::AVERAGES.into_iter().find_map(of)
 }
 
 #[cfg(test)]

@@ -9,18 +9,20 @@
 //! functions go up to a fifth of the rate and the pass band to two fifths.
 //!
 //! What is asked for may go farther than what is chosen: test functions up to an eighth of the rate
-//! (a quarter with inputs), the pass band up to two fifths. A window has 32 samples at least.
+//! (a quarter with inputs), the pass band up to two fifths. A window has 32 samples at least. What a
+//! free system's record is too short for is fitted to it ([`super::short_record`]).
 
 use super::Settings;
 use super::free_geometry::{Kind, choose, narrowest_hz, within_gaps};
 use super::prepared::Geometry;
+use super::short_record;
 use super::windows::{Kernels, Windows};
 use crate::error::{BadInput, Result};
 use crate::rig::{Drive, Rig};
 use crate::signal::band::Band;
 use crate::signal::low_pass::Kernel;
 use crate::signal::noise::Noise;
-use crate::wording::format::{rounded, shortest};
+use crate::wording::format::{rounded, rounded_up, shortest};
 
 /// Most frequencies of the test functions.
 const MOST_FREQUENCIES: usize = 400;
@@ -36,7 +38,7 @@ pub(super) const PASS_OVER_TOP: f64 = 1.5;
 /// test frequency, and the share of the sampling rate at which it starts at the latest.
 const STOP_OVER_PASS: f64 = 1.5;
 const TRANSITION_OVER_TOP: f64 = 2.5;
-const LATEST_STOP: f64 = 0.45;
+pub(super) const LATEST_STOP: f64 = 0.45;
 
 /// Length of a window under a drive, s.
 pub(super) fn drive_window_s(drive: Drive) -> f64 {
@@ -47,6 +49,43 @@ pub(super) fn drive_window_s(drive: Drive) -> f64 {
 fn stop_hz(pass: f64, top: f64, narrowest: f64, rate: f64) -> f64 {
     let wide = (STOP_OVER_PASS * pass).max(pass + TRANSITION_OVER_TOP * top).max(pass + narrowest);
     wide.min(LATEST_STOP * rate)
+}
+
+/// What windows and low-passes follow from.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Chosen {
+    /// Sampling step, s.
+    pub(super) step_s: f64,
+    /// Length of a window, s.
+    pub(super) length_s: f64,
+    /// Highest test frequency, Hz.
+    pub(super) top_hz: f64,
+    /// End of the pass band, Hz.
+    pub(super) pass_hz: f64,
+    /// Where the motion stands clear of the noise, Hz.
+    pub(super) clear_end_hz: f64,
+    /// Most that a pass band is raised to for the test functions, Hz.
+    pub(super) least_pass_hz: f64,
+    /// Least width of the transition, Hz.
+    pub(super) narrowest_hz: f64,
+    /// Period of the drive or of the motion, s.
+    pub(super) period_s: f64,
+}
+
+impl Chosen {
+    /// Windows and low-passes.
+    pub(super) fn geometry(&self) -> Geometry {
+        let Self { step_s, length_s, top_hz: top, pass_hz: pass, narrowest_hz, period_s, .. } = *self;
+        let frequencies = ((top * length_s).round() as usize).clamp(2, MOST_FREQUENCIES);
+        let rate = 1.0 / step_s;
+        let stop = stop_hz(pass, top, narrowest_hz, rate);
+        let clear = self.clear_end_hz.max((PASS_OVER_TOP * top).min(self.least_pass_hz).min(pass)).min(pass);
+        let kernels = Kernels {
+            full: Kernel::design(step_s, pass, stop),
+            clear: Kernel::design(step_s, clear, (clear + stop - pass).min(0.48 * rate)),
+        };
+        Geometry { windows: Windows { length_s, hop_s: 0.5 * length_s, frequencies }, kernels, period_s }
+    }
 }
 
 /// Chooses.
@@ -67,7 +106,7 @@ pub fn geometry(
         Some(v) if !(v >= low && v <= high) => {
             let unit = if option.ends_with("-hz") { "Hz" } else { "s" };
             let expected =
-                format!("a value from {} to {} {unit}", shortest(rounded(low, 4)), shortest(rounded(high, 4)));
+                format!("a value from {} to {} {unit}", shortest(rounded_up(low, 4)), shortest(rounded(high, 4)));
             Err(BadInput::new(format!("{} {unit}", shortest(v)), expected)
                 .at(option.to_owned())
                 .remedy("Give a value in that range, or leave the option out: it is then chosen by the record"))
@@ -97,22 +136,27 @@ pub fn geometry(
         if wide { rate / 4.0 } else { rate / 8.0 },
     )?
     .unwrap_or_else(|| rig.drive.map_or(free.map_or(free_top, |f| f.top_hz), |d| 2.0 * d.frequency_hz));
-    let frequencies = ((top * length_s).round() as usize).clamp(2, MOST_FREQUENCIES);
-    let least = (PASS_OVER_TOP * top).min(if wide { 0.3 } else { 0.15 } * rate);
+    let least_pass_hz = if wide { 0.3 } else { 0.15 } * rate;
+    let least = (PASS_OVER_TOP * top).min(least_pass_hz);
     let default_pass = match free {
         Some(f) => f.pass_hz.max(PASS_OVER_TOP * top).min(kind.most()[1] * rate),
         None => (PASS_OVER_END * greatest(|n| n.signal_end_hz)).max(least).min(if wide { 0.4 } else { 0.25 } * rate),
     };
     let pass = check("--pass-hz", settings.pass_hz, 1.0 / length_s, 0.4 * rate)?.unwrap_or(default_pass);
-    let stop = stop_hz(pass, top, free.map_or(0.0, |_| narrowest_hz(stretches_s)), rate);
-    let clear = greatest(|n| n.clear_end_hz).max(least.min(pass)).min(pass);
-    let kernels = Kernels {
-        full: Kernel::design(step_s, pass, stop),
-        clear: Kernel::design(step_s, clear, (clear + stop - pass).min(0.48 * rate)),
-    };
     let dominant_s = band.map_or(length_s / DRIVE_PERIODS, |b| 1.0 / b.dominant_hz);
     let period_s = rig.drive.map_or(dominant_s, |d| 1.0 / d.frequency_hz);
-    Ok(Geometry { windows: Windows { length_s, hop_s: 0.5 * length_s, frequencies }, kernels, period_s })
+    let chosen = Chosen {
+        step_s,
+        length_s,
+        top_hz: top,
+        pass_hz: pass,
+        clear_end_hz: greatest(|n| n.clear_end_hz),
+        least_pass_hz,
+        narrowest_hz: free.map_or(0.0, |_| narrowest_hz(stretches_s)),
+        period_s,
+    };
+    // Windows under a drive are whole numbers of its periods.
+    Ok(if rig.drive.is_some() { chosen.geometry() } else { short_record::fitted(&chosen, settings, stretches_s) })
 }
 
 #[cfg(test)]

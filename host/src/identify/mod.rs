@@ -40,6 +40,7 @@ pub mod remeasured;
 pub mod result;
 pub mod series;
 pub mod shooting;
+mod short_record;
 pub mod single_parameters;
 pub mod slips;
 mod standstill;
@@ -89,7 +90,7 @@ pub struct Settings {
     /// Length of a window, s; by default 20 drive periods, or for a free system 10 periods of its
     /// motion, shorter until the record holds 14 windows, not below 3 periods; under measured
     /// inputs 30 periods of the highest test frequency at most. 4 s where no motion stands above
-    /// the noise.
+    /// the noise. What a free system's record is too short for is as long as fits it.
     pub window_s: Option<f64>,
     /// Highest frequency of the test functions, Hz; by default 2 f_e, or for a free system f_99,
     /// more where the motion stands clear of the noise beyond it (up to 3.5 times its dominant

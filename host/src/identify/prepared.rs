@@ -3,7 +3,7 @@
 
 use rayon::prelude::*;
 
-use super::geometry::geometry;
+use super::geometry::{FEWEST_SAMPLES, geometry};
 use super::index_marks::Indices;
 use super::remeasured::Sensors;
 use super::shooting::zeros::ZeroOffset;
@@ -18,6 +18,7 @@ use crate::rig::measures::ObservedModel;
 use crate::signal::angles::Phase;
 use crate::signal::noise::{self, Noise};
 use crate::warning::Warning;
+use crate::wording::format::{rounded, rounded_up, shortest};
 
 /// Windows and low-passes of an analysis.
 #[derive(Clone, Debug)]
@@ -58,7 +59,7 @@ pub struct Prepared {
 pub fn prepare(records: &[Record], rig: &Rig, bound: &ObservedModel, settings: &Settings) -> Result<Prepared> {
     let out = Steady::of(records, rig, bound, &settings.zeros)?;
     let found = out.measured(records, rig, bound, settings)?;
-    out.ready(found, rig, records)
+    out.ready(found, rig, records, settings)
 }
 
 /// The same without what `standstill` leaves out: stretches in which dry friction may hold a
@@ -75,13 +76,18 @@ pub fn prepare_moving(records: &[Record], rig: &Rig, bound: &ObservedModel, sett
     let windows = &found.geometry.windows;
     let still = standstill::leave_out(&mut out.stretches, &mut out.record_of, bound, &sensors, windows);
     if still.is_empty() {
-        return out.ready(found, rig, records);
+        return out.ready(found, rig, records, settings);
     }
     out.warnings.extend(standstill::told(&still, records, bound));
-    let left = out.measured(records, rig, bound, settings).and_then(|found| out.ready(found, rig, records));
+    let left = out.measured(records, rig, bound, settings).and_then(|found| out.ready(found, rig, records, settings));
     // What is left may ask for other windows than the whole, and have no room for them: nothing of
     // a record that can be used as a whole is left out then.
     left.map(|left| Prepared { still, ..left }).or_else(|_| prepare(records, rig, bound, settings))
+}
+
+/// Samples of the longest stretch.
+fn longest(stretches: &[Stretch]) -> usize {
+    stretches.iter().map(Stretch::len).max().unwrap_or(0)
 }
 
 /// Stretches of steady drive.
@@ -96,6 +102,13 @@ struct Steady {
 struct Measured {
     sensors: Sensors,
     geometry: Geometry,
+}
+
+impl Measured {
+    /// Samples that one window needs.
+    fn needed(&self, step_s: f64) -> usize {
+        samples_needed(&self.geometry.windows, &self.geometry.kernels, step_s)
+    }
 }
 
 impl Steady {
@@ -152,27 +165,16 @@ impl Steady {
         Ok(Measured { sensors, geometry })
     }
 
-    fn ready(self, found: Measured, rig: &Rig, records: &[Record]) -> Result<Prepared> {
-        let Measured { sensors, geometry } = found;
+    fn ready(self, found: Measured, rig: &Rig, records: &[Record], settings: &Settings) -> Result<Prepared> {
         let step_s = 1.0 / rig.sample_rate_hz;
-        let needed = samples_needed(&geometry.windows, &geometry.kernels, step_s);
-        let longest = self.stretches.iter().map(Stretch::len).max().unwrap_or(0);
+        let (needed, longest) = (found.needed(step_s), longest(&self.stretches));
+        let Measured { sensors, geometry } = found;
         if longest < needed {
             let nan_rows: u64 = records.iter().map(|r| r.losses.nan_rows).sum();
-            let samples = if longest == 1 { "sample" } else { "samples" };
-            let mut error = BadInput::new(
-                format!(
-                    "{longest} {samples} ({:.3} s) in the longest unbroken stretch{}",
-                    longest as f64 * step_s,
-                    broken_by(nan_rows)
-                ),
-                format!(
-                    "at least {needed} ({:.3} s): one window of {:.3} s and the low-pass's reach on either side",
-                    needed as f64 * step_s,
-                    geometry.windows.length_s
-                ),
-            )
-            .remedy(longer(records, self.stretches.len()));
+            // Of a free system the shortest window was tried where none is asked for.
+            let can_shorten = rig.drive.is_some() || settings.window_s.is_some();
+            let remedy = remedy(records, self.stretches.len(), &longer(can_shorten, step_s));
+            let mut error = too_short([longest, needed], step_s, &geometry.windows, nan_rows).remedy(remedy);
             if let Some(r) = records.first() {
                 error = error.in_file(&r.path);
             }
@@ -183,22 +185,45 @@ impl Steady {
     }
 }
 
-/// What to do about `stretches` that are all too short.
-fn longer(records: &[Record], stretches: usize) -> String {
-    let rest = "ecord longer, or give `identify` or `explain` a shorter window with --window-s";
+/// What to do about `stretches` that are all too short, beside recording longer.
+fn remedy(records: &[Record], stretches: usize, longer: &str) -> String {
     let is_left_out =
         |w: &&Warning| w.details.get("left_out").and_then(serde_json::Value::as_u64).is_some_and(|n| n > 0);
+    let otherwise = format!("Otherwise {}{}", longer[..1].to_lowercase(), &longer[1..]);
     if records.iter().any(|r| r.losses.nan_rows > 0) {
         "Find out why the sensor gives no number there; --resample bridges short gaps. Otherwise record longer".into()
     } else if records.iter().any(|r| r.losses.gaps > 0) {
-        format!("Gaps cut the record: --resample bridges short ones. Otherwise r{rest}")
+        format!("Gaps cut the record: --resample bridges short ones. {otherwise}")
     } else if let Some(w) =
         records.iter().flat_map(|r| &r.warnings).find(is_left_out).filter(|_| stretches > records.len())
     {
-        format!("Rows that are left out cut the record: {}. {}. Otherwise r{rest}", w.text, w.advice)
+        format!("Rows that are left out cut the record: {}. {}. {otherwise}", w.text, w.advice)
     } else {
-        format!("R{rest}")
+        longer.to_owned()
     }
+}
+
+/// A longest stretch of so many samples where so many are needed.
+fn too_short([longest, needed]: [usize; 2], step_s: f64, windows: &Windows, nan_rows: u64) -> BadInput {
+    let told = |s: f64| shortest(rounded(s, 4));
+    let samples = if longest == 1 { "sample" } else { "samples" };
+    let (found_s, window_s) = (told(longest as f64 * step_s), told(windows.length_s));
+    let needed_s = shortest(rounded_up(needed as f64 * step_s, 4));
+    BadInput::new(
+        format!("{longest} {samples} ({found_s} s) in the longest unbroken stretch{}", broken_by(nan_rows)),
+        format!("at least {needed} ({needed_s} s): one window of {window_s} s and the low-pass's reach on either side"),
+    )
+}
+
+/// What to do about a record that is too short; where windows may be shorter, to what.
+fn longer(can_shorten: bool, step_s: f64) -> String {
+    if !can_shorten {
+        return "Record longer, or with a higher sampling rate".to_owned();
+    }
+    let least_s = shortest(rounded_up(FEWEST_SAMPLES * step_s, 4));
+    format!(
+        "Record longer, or give `identify`, `explain` or `validate` a shorter window with --window-s, {least_s} s at least"
+    )
 }
 
 /// Why stretches are short, where rows without a number are the reason.
@@ -288,21 +313,5 @@ pub(super) fn keep_steady_drive(
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::record::Losses;
-
-    #[test]
-    fn what_cuts_a_record_is_said() {
-        let left_out = Warning::new("channel-stopped", "a stops", "Look at its cable").with("left_out", 20);
-        let of = |gaps: u64, warnings: &[Warning]| Record {
-            losses: Losses { gaps, ..Losses::default() },
-            warnings: warnings.to_vec(),
-            ..Record::default()
-        };
-        let cut = longer(&[of(0, std::slice::from_ref(&left_out))], 2);
-        assert!(cut.contains("left out cut the record: a stops. Look at its cable. Otherwise record"), "{cut}");
-        assert!(longer(&[of(1, &[left_out])], 3).starts_with("Gaps cut the record"));
-        assert!(longer(&[of(0, &[])], 1).starts_with("Record longer"));
-    }
-}
+#[path = "prepared_tests.rs"]
+mod tests;

@@ -12,6 +12,11 @@
 //! island of m > 100 N with more than a hundredth of the greatest acceleration. The thresholds were
 //! set on 12 measured records and 12 simulated systems.
 //!
+//! A density is the mean over eight pieces or more. Where a record is too short for that, or its
+//! motion too slow to be seen in an eighth of it, four, two or one piece must do ([`AVERAGES`]): the
+//! motion begins then where m > 100 N, which noise in one bin of one piece does not reach, and if it
+//! begins in the lowest bin that can be told from a trend, longer pieces are looked at.
+//!
 //! Limits: one sensor at a time; motion that returns more than an octave above the last, fainter
 //! than an island, is taken for noise.
 
@@ -19,8 +24,9 @@ use core::f64::consts::PI;
 
 use realfft::RealFftPlanner;
 
-/// Fewest averages of a density, and most and fewest points of a piece.
-const AVERAGES: usize = 8;
+/// Fewest averages of a density: as wished, then of a short record or a slow motion.
+pub const AVERAGES: [usize; 4] = [8, 4, 2, 1];
+/// Most and fewest points of a piece.
 const MOST_POINTS: usize = 65_536;
 const FEWEST_POINTS: usize = 32;
 /// Bins that the taper spreads a trend over.
@@ -72,14 +78,17 @@ struct Third {
     median: f64,
 }
 
-/// The band of the motion in unbroken stretches of one sensor, sampled every `step_s`; none where
-/// nothing stands above noise or the stretches are short.
-pub fn of<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: f64) -> Option<Band> {
-    let (density, bin_hz) = density(stretches, step_s)?;
+/// The band of the motion in unbroken stretches of one sensor, sampled every `step_s`, from a mean
+/// over so many pieces at least (one of [`AVERAGES`]); none where nothing stands above noise, the
+/// stretches are short for that, or longer pieces would show the motion better.
+pub fn of<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: f64, averages: usize) -> Option<Band> {
+    let (density, bin_hz) = density(stretches, step_s, averages)?;
+    let is_wished = averages >= AVERAGES[0];
+    let begins = if is_wished { CLEAR } else { ISLAND };
     let thirds = thirds(&density, bin_hz);
     let noise: Vec<f64> = thirds.iter().map(|t| noise_at(&thirds, t.hz)).collect();
     let first = (0..thirds.len())
-        .filter(|&k| thirds[k].mean > CLEAR * noise[k])
+        .filter(|&k| thirds[k].mean > begins * noise[k])
         .max_by(|&a, &b| speed(&thirds[a], noise[a]).total_cmp(&speed(&thirds[b], noise[b])))?;
     let peak = thirds.iter().zip(&noise).map(|(t, n)| acceleration(t, *n)).fold(0.0, f64::max);
     let end = |above: f64| {
@@ -112,7 +121,15 @@ pub fn of<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: f64) -
         });
         found.map_or(thirds[first].hz, |k| k as f64 * bin_hz)
     };
-    (whole > 0.0).then(|| Band { dominant_hz: share(0.5), acceleration_99_hz: share(0.99), clear_end_hz, end_hz })
+    let is_last = averages <= AVERAGES[AVERAGES.len() - 1];
+    if whole <= 0.0 {
+        return None;
+    }
+    let dominant_hz = share(0.5);
+    // Half a bin more: numbers of bins are whole.
+    let is_resolved = dominant_hz > (LEAKED as f64 + 0.5) * bin_hz;
+    let band = Band { dominant_hz, acceleration_99_hz: share(0.99), clear_end_hz, end_hz };
+    (is_wished || is_resolved || is_last).then_some(band)
 }
 
 fn speed(t: &Third, noise: f64) -> f64 {
@@ -124,11 +141,15 @@ fn acceleration(t: &Third, noise: f64) -> f64 {
 }
 
 /// Density of the sensor by bins, up to a factor, and their width, Hz.
-fn density<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: f64) -> Option<(Vec<f64>, f64)> {
+fn density<'a>(
+    stretches: impl Iterator<Item = &'a [f64]> + Clone,
+    step_s: f64,
+    averages: usize,
+) -> Option<(Vec<f64>, f64)> {
     let longest = stretches.clone().map(<[f64]>::len).max()?;
     let total: usize = stretches.clone().map(<[f64]>::len).sum();
     // Half-overlapping pieces.
-    let most = (2 * total / (AVERAGES + 1)).min(longest.saturating_sub(2)).min(MOST_POINTS);
+    let most = (2 * total / (averages + 1)).min(longest.saturating_sub(2)).min(MOST_POINTS);
     if most < FEWEST_POINTS {
         return None;
     }
@@ -217,7 +238,7 @@ mod tests {
         for period_s in [1e-4, 1e-2, 1.0, 30.0, 1e3] {
             for samples in [40.0, 2000.0] {
                 let x = swing(1.0 / period_s, samples / period_s, 60.0 * period_s, 1e-3);
-                let b = of(core::iter::once(&x[..]), period_s / samples).unwrap();
+                let b = of(core::iter::once(&x[..]), period_s / samples, 8).unwrap();
                 let cycles = [b.dominant_hz, b.acceleration_99_hz, b.clear_end_hz].map(|f| f * period_s);
                 assert!((0.8..1.6).contains(&cycles[0]), "{period_s} {samples}: {b:?}");
                 assert!((0.8..4.5).contains(&cycles[1]), "{period_s} {samples}: {b:?}");
@@ -230,7 +251,7 @@ mod tests {
     fn a_quiet_swing_of_few_counts_is_not_its_shelf_of_noise() {
         // 40 counts at 1 kHz: each lasts for 8 ms at least.
         let x = swing(0.5, 1000.0, 120.0, 0.05);
-        let b = of(core::iter::once(&x[..]), 1e-3).unwrap();
+        let b = of(core::iter::once(&x[..]), 1e-3, 8).unwrap();
         assert!((0.4..0.7).contains(&b.dominant_hz) && b.acceleration_99_hz < 6.0, "{b:?}");
     }
 
@@ -238,7 +259,21 @@ mod tests {
     fn noise_alone_has_no_band() {
         let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(2);
         let x: Vec<f64> = (0..20_000).map(|_| rng.random::<f64>()).collect();
-        assert!(of(core::iter::once(&x[..]), 1e-3).is_none());
-        assert!(of(core::iter::once(&x[..20]), 1e-3).is_none());
+        for averages in AVERAGES {
+            for samples in [20_000, 250, 20] {
+                assert!(of(core::iter::once(&x[..samples]), 1e-3, averages).is_none(), "{averages} {samples}");
+            }
+        }
+    }
+
+    /// Five seconds of a camera at 30 Hz: an eighth of them holds no period.
+    #[test]
+    fn a_short_record_is_looked_at_in_longer_pieces() {
+        for (hz, within) in [(1.2, 0.9..1.5), (3.0, 2.4..3.6)] {
+            let x = swing(hz, 30.0, 4.5, 1e-3);
+            assert!(of(core::iter::once(&x[..]), 1.0 / 30.0, AVERAGES[0]).is_none(), "{hz}");
+            let b = AVERAGES.into_iter().find_map(|a| of(core::iter::once(&x[..]), 1.0 / 30.0, a)).unwrap();
+            assert!(within.contains(&b.dominant_hz), "{hz}: {b:?}");
+        }
     }
 }

@@ -79,6 +79,8 @@ pub struct Settings {
     pub starts: usize,
     /// Seed of the noise in the records that the model makes. Default 1.
     pub seed: u64,
+    /// Length of the windows by which a record is made ready, s; by default that of `identify`.
+    pub window_s: Option<f64>,
     /// Parameter of a bifurcation diagram (`drive`: all of the base's motion), lowest and highest
     /// factor on its identified value.
     pub bifurcation: Option<(String, f64, f64)>,
@@ -86,7 +88,7 @@ pub struct Settings {
 
 impl Default for Settings {
     fn default() -> Self {
-        Self { tolerance_deg: 30.0, starts: MOST_STARTS, seed: 1, bifurcation: None }
+        Self { tolerance_deg: 30.0, starts: MOST_STARTS, seed: 1, window_s: None, bifurcation: None }
     }
 }
 
@@ -141,7 +143,8 @@ pub fn validate(
     let course = |stretches: &[Stretch]| -> Vec<ExogenousInputs> {
         stretches.iter().map(|s| ExogenousInputs::new(s, omega)).collect()
     };
-    let prepared = identify::prepare(records, rig, bound, &IdentifySettings::default())?;
+    let windows = IdentifySettings { window_s: settings.window_s, ..IdentifySettings::default() };
+    let prepared = identify::prepare(records, rig, bound, &windows)?;
     let (stretches, noise) = (&prepared.stretches, &prepared.sensors);
     let equations = IdentifiedEquations::of(model, rig, stretches.first().map_or(0.0, |s| s.start_s))?;
     let mut warnings = prepared.warnings.clone();

@@ -40,6 +40,16 @@ pub fn rounded(x: f64, digits: usize) -> f64 {
     format!("{x:.*e}", digits.saturating_sub(1)).parse().unwrap_or(x)
 }
 
+/// A number rounded up to so many significant digits: not below it, as a least value is told.
+pub fn rounded_up(x: f64, digits: usize) -> f64 {
+    let near = rounded(x, digits);
+    if near >= x {
+        return near;
+    }
+    let exponent: i32 = format!("{near:e}").split_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or(0);
+    rounded(near + 10f64.powi(exponent + 1 - digits as i32), digits)
+}
+
 /// A word of a command as a shell takes it.
 pub fn shell_word(text: &str) -> String {
     let bare = |c: char| c.is_alphanumeric() || "/._-:@+=,".contains(c);
@@ -215,6 +225,17 @@ mod tests {
         assert!(plus_minus(1.0, 1e-300).len() < 60 && plus_minus(1e300, 1e-300).len() < 60);
         assert_eq!(to_digits_of(0.1131, 0.000_042), "0.11310");
         assert_eq!(to_digits_of(5.99e-4, 3.1e-6), "5.990·10⁻⁴");
+    }
+
+    #[test]
+    fn a_least_value_is_not_told_as_less() {
+        for (x, told) in [(0.534_045, 0.535), (1.067, 1.07), (0.32, 0.32), (9.999, 10.0), (1.000_1e-4, 1.01e-4)] {
+            assert!(
+                (rounded_up(x, 3) / told - 1.0).abs() < 1e-12 && rounded_up(x, 3) >= x,
+                "{x}: {}",
+                rounded_up(x, 3)
+            );
+        }
     }
 
     #[test]
