@@ -63,10 +63,10 @@ impl Length {
     }
 }
 
-/// A record of so many whole windows is too short.
-pub(super) fn too_few(windows: usize, window_s: f64, of_forces: bool, length: Length) -> Undecidable {
+/// A record of so many whole windows is too short; of no length where its motion is over.
+pub(super) fn too_few(windows: usize, window_s: f64, of_forces: bool, length: Option<Length>) -> Undecidable {
     // One beyond the fewest: what is left over at the end is none.
-    let least_s = length.with((FEWEST_BLOCKS + 1).saturating_sub(windows), window_s);
+    let least_s = length.map(|l| l.with((FEWEST_BLOCKS + 1).saturating_sub(windows), window_s));
     Undecidable::FewWindows { of_forces, windows, window_s, least_s }
 }
 
@@ -323,12 +323,15 @@ mod tests {
 
     #[test]
     fn a_record_that_is_too_short_is_asked_for_more_than_it_has() {
-        let least =
-            |windows: usize, whole_s: f64, used_s: f64| match too_few(windows, 1.07, false, Length { whole_s, used_s })
-            {
-                Undecidable::FewWindows { least_s, .. } => least_s,
-                other => panic!("{other:?}"),
-            };
+        let least = |windows: usize, whole_s: f64, used_s: f64| match too_few(
+            windows,
+            1.07,
+            false,
+            Some(Length { whole_s, used_s }),
+        ) {
+            Undecidable::FewWindows { least_s: Some(least_s), .. } => least_s,
+            other => panic!("{other:?}"),
+        };
         // Seven windows in 12 s: the ends take 4 s.
         assert!((least(7, 12.0, 8.0) - (12.0 + 3.0 * 1.07 * 1.5)).abs() < 1e-9);
         assert!((least(0, 1.0, 0.0) - 11.7).abs() < 1e-9);

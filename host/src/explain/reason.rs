@@ -8,7 +8,7 @@ use serde::{Serialize, Serializer};
 use super::engine::changed::Changed;
 use super::engine::unknown::Unknown;
 use super::gap::Miss;
-use crate::wording::format::{rounded, shortest, significant};
+use crate::wording::format::{rounded, rounded_up, shortest, significant};
 
 /// What is told of a shape that has no name.
 const NAMELESS: &str = "no effect of the list accounts for it";
@@ -226,8 +226,8 @@ pub enum Undecidable {
         windows: usize,
         /// Length of each, s.
         window_s: f64,
-        /// Least length of a record with enough of them, s.
-        least_s: f64,
+        /// Least length of a record with enough of them, s; none where the motion is over.
+        least_s: Option<f64>,
     },
     /// The equations have no place for an effect.
     Unplaced,
@@ -252,6 +252,9 @@ pub enum Undecidable {
 /// Why what cannot be followed decides nothing.
 const UNFOLLOWED: &str = "the model follows no part of the record, so that nothing can be predicted: see `whirl inspect` for the channels, and check units and signs in the rig file";
 
+/// What to do about a record of too few windows whose motion is over.
+const OVER: &str = "the motion is over, and a longer record of it would tell no more. Record several releases, or with a higher sampling rate";
+
 impl Display for Undecidable {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
@@ -270,11 +273,12 @@ impl Display for Undecidable {
                     write!(f, "{UNFOLLOWED}; for its forces ")?;
                 }
                 let few = if *windows == 1 { "window is" } else { "windows are" };
-                let [window_s, least_s] = [window_s, least_s].map(|t| shortest(rounded(*t, 3)));
-                write!(
-                    f,
-                    "{windows} whole {few} too few to hold some back ({window_s} s each): record at least {least_s} s"
-                )
+                let window_s = shortest(rounded(*window_s, 3));
+                write!(f, "{windows} whole {few} too few to hold some back ({window_s} s each): ")?;
+                match least_s {
+                    Some(least_s) => write!(f, "record at least {} s", shortest(rounded_up(*least_s, 3))),
+                    None => f.write_str(OVER),
+                }
             }
             Self::Unplaced => f.write_str(
                 "nothing can be predicted: that takes one equation for each coordinate, and an inertia in each",

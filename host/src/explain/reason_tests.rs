@@ -99,7 +99,8 @@ fn what_it_is_held_against_is_told_with_it() {
 
 #[test]
 fn why_nothing_can_be_decided_has_its_words() {
-    let few = |of_forces, windows| Undecidable::FewWindows { of_forces, windows, window_s: 2.5, least_s: 25.0 };
+    let of = |of_forces, windows, least_s| Undecidable::FewWindows { of_forces, windows, window_s: 2.5, least_s };
+    let few = |of_forces, windows| of(of_forces, windows, Some(25.0));
     let own = |criterion, inputs: &[&str]| Undecidable::OwnRecords {
         criterion,
         value: 60.0,
@@ -108,6 +109,11 @@ fn why_nothing_can_be_decided_has_its_words() {
     let fault = Undecidable::Fault { text: "It is at fault".to_owned(), advice: "Record again".to_owned() };
     for (why, sentence) in [
         (few(false, 1), "1 whole window is too few to hold some back (2.5 s each): record at least 25 s"),
+        (
+            of(false, 4, None),
+            "4 whole windows are too few to hold some back (2.5 s each): the motion is over, and a longer record of it would tell no more. \
+             Record several releases, or with a higher sampling rate",
+        ),
         (
             few(true, 4),
             "the model follows no part of the record, so that nothing can be predicted: see `whirl inspect` for the channels, and check units and \

@@ -127,6 +127,14 @@ pub(super) fn band<'a, I: Iterator<Item = &'a [f64]> + Clone>(
     band::AVERAGES.into_iter().find_map(of)
 }
 
+/// Period of the slowest of several sensors' motions, s.
+pub(super) fn swing_s<'a, I: Iterator<Item = &'a [f64]> + Clone>(
+    sensors: impl Iterator<Item = I>,
+    step_s: f64,
+) -> Option<f64> {
+    sensors.filter_map(|s| band::resolved(s, step_s)).map(|b| 1.0 / b.dominant_hz).reduce(f64::max)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -84,7 +84,8 @@ impl Chosen {
             full: Kernel::design(step_s, pass, stop),
             clear: Kernel::design(step_s, clear, (clear + stop - pass).min(0.48 * rate)),
         };
-        Geometry { windows: Windows { length_s, hop_s: 0.5 * length_s, frequencies }, kernels, period_s }
+        let windows = Windows { length_s, hop_s: 0.5 * length_s, frequencies };
+        Geometry { windows, kernels, period_s, swing_s: period_s }
     }
 }
 

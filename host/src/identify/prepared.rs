@@ -30,6 +30,8 @@ pub struct Geometry {
     /// The drive's period; of a free system that of its dominant frequency, or a twentieth of a
     /// window where no motion stands above the noise, s.
     pub period_s: f64,
+    /// The same as pieces show it that hold three of them, of the slowest sensor, s.
+    pub swing_s: f64,
 }
 
 /// A record made ready for the weak form.
@@ -145,10 +147,12 @@ impl Steady {
         let noises: Vec<Option<Noise>> = numbers.par_iter().map(|i| noise::estimate(of_sensor(*i), step_s)).collect();
         let free = rig.drive.is_none();
         let band = if free { free_geometry::band(numbers.iter().map(|i| of_sensor(*i)), step_s) } else { None };
+        let swing_s = free.then(|| free_geometry::swing_s(numbers.iter().map(|i| of_sensor(*i)), step_s)).flatten();
         drop(shown);
         let lengths: Vec<f64> = self.stretches.iter().map(|s| s.len() as f64 * s.step_s).collect();
         let inputs = !bound.inputs.is_empty();
-        let geometry = geometry(rig, settings, &noises, inputs, step_s, band, &lengths)?;
+        let chosen = geometry(rig, settings, &noises, inputs, step_s, band, &lengths)?;
+        let geometry = Geometry { swing_s: swing_s.unwrap_or(chosen.swing_s), ..chosen };
         let step = |i: usize| records.iter().map(|r| r.channels[i].step()).fold(0.0, f64::max);
         let counted = |&i: &usize| (rig.channel[i].unit == "count").then(|| step(i));
         let count: Vec<Option<f64>> = bound.sensors.iter().map(counted).collect();

@@ -82,9 +82,24 @@ struct Third {
 /// over so many pieces at least (one of [`AVERAGES`]); none where nothing stands above noise, the
 /// stretches are short for that, or longer pieces would show the motion better.
 pub fn of<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: f64, averages: usize) -> Option<Band> {
+    let (band, is_resolved) = looked_at(stretches, step_s, averages)?;
+    (averages >= AVERAGES[0] || is_resolved).then_some(band)
+}
+
+/// The same from the most pieces that hold three periods each; from one whatever it holds.
+pub fn resolved<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: f64) -> Option<Band> {
+    let of = |averages| looked_at(stretches.clone(), step_s, averages).filter(|found| found.1);
+    AVERAGES.into_iter().find_map(of).map(|found| found.0)
+}
+
+/// The band from so many pieces at least, and whether longer ones would show it no better.
+fn looked_at<'a>(
+    stretches: impl Iterator<Item = &'a [f64]> + Clone,
+    step_s: f64,
+    averages: usize,
+) -> Option<(Band, bool)> {
     let (density, bin_hz) = density(stretches, step_s, averages)?;
-    let is_wished = averages >= AVERAGES[0];
-    let begins = if is_wished { CLEAR } else { ISLAND };
+    let begins = if averages >= AVERAGES[0] { CLEAR } else { ISLAND };
     let thirds = thirds(&density, bin_hz);
     let noise: Vec<f64> = thirds.iter().map(|t| noise_at(&thirds, t.hz)).collect();
     let first = (0..thirds.len())
@@ -129,7 +144,7 @@ pub fn of<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: f64, a
     // Half a bin more: numbers of bins are whole.
     let is_resolved = dominant_hz > (LEAKED as f64 + 0.5) * bin_hz;
     let band = Band { dominant_hz, acceleration_99_hz: share(0.99), clear_end_hz, end_hz };
-    (is_wished || is_resolved || is_last).then_some(band)
+    Some((band, is_resolved || is_last))
 }
 
 fn speed(t: &Third, noise: f64) -> f64 {
@@ -274,6 +289,7 @@ mod tests {
             assert!(of(core::iter::once(&x[..]), 1.0 / 30.0, AVERAGES[0]).is_none(), "{hz}");
             let b = AVERAGES.into_iter().find_map(|a| of(core::iter::once(&x[..]), 1.0 / 30.0, a)).unwrap();
             assert!(within.contains(&b.dominant_hz), "{hz}: {b:?}");
+            assert_eq!(resolved(core::iter::once(&x[..]), 1.0 / 30.0), Some(b), "{hz}");
         }
     }
 }

@@ -38,6 +38,7 @@ mod quarter_car;
 mod reduced;
 mod schema;
 mod shaft;
+mod short_records;
 mod stick_slip;
 mod sticking;
 mod suspects_equations;

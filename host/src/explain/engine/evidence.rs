@@ -244,7 +244,7 @@ fn singular() -> BadInput {
         "too little motion, or too few windows, to fit the model and hold some back",
         "motion in which every term takes part",
     )
-    .remedy("Record longer or with a larger amplitude; `whirl inspect` shows what each channel does")
+    .remedy("Record more of it: several releases of a motion that dies away, a longer record of another, with a larger amplitude or a higher sampling rate; `whirl inspect` shows what each channel does")
 }
 
 /// Fits everything chosen, renews what rests on the coefficients, and builds the candidates'

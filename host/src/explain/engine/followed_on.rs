@@ -41,7 +41,9 @@ impl Run<'_> {
         let misses = exchange::sum(&outcome.fit) > exchange::MISSES * blocks.noise();
         let kept = self.told.clone();
         let samples = self.told.state.followed.as_ref().map_or(0, Followed::samples);
-        let nothing = self.told.result.effects.is_empty() && most > 0 && samples > 0 && self.setting.window_s.is_none();
+        let nothing = self.told.result.effects.is_empty() && most > 0 && samples > 0;
+        // A short record has no room for any.
+        let nothing = nothing && self.setting.window_s.is_none() && self.setting.blocks >= shooting::BLOCKS;
         if !misses || !nothing || !self.begin_again() {
             return Ok(outcome);
         }

@@ -35,6 +35,7 @@
 //! | `outliers` | samples that stand alone |
 //! | `patched`, `pieces` | a shape put together from several effects |
 //! | `relaxation` | how far inertias go from round to round |
+//! | `dying` | motions that are over |
 //! | `tell`, `units` | values, units, the model |
 //! | `tones` | frequencies of what runs in the laboratory's time |
 //! | `unknown` | the shape of what has no name |
@@ -47,6 +48,7 @@ pub mod changed;
 mod chosen;
 pub mod compared;
 pub mod design;
+mod dying;
 mod evidence;
 mod exchange;
 pub mod expected;
@@ -169,7 +171,7 @@ fn attempt(
     // trajectories are shorter.
     let (blocks, window_s) = whole_windows(&setting, &state);
     if blocks < ranking::FOLDS {
-        result.reason = Reason::Undecidable(too_few(blocks, window_s, false, length(&setting, records)));
+        result.reason = Reason::Undecidable(few(&setting, records, blocks, window_s));
         return Ok(Attempt::Done(Some(Box::new(result))));
     }
     let undecidable = undecidable(&setting, records, &first, blocks, window_s);
@@ -199,6 +201,11 @@ fn attempt(
 /// none the balance of forces is left. False where that cannot hold it.
 fn settled(setting: &mut Setting<'_>, state: &mut State) -> bool {
     let mut settled = shooting::settle(setting, state);
+    if settled.is_none() && setting.blocks < shooting::BLOCKS {
+        // A short record that is not followed as a whole.
+        setting.blocks = shooting::BLOCKS;
+        settled = shooting::settle(setting, state);
+    }
     if let Some(sensors) = settled.as_ref().and_then(|_| shooting::quieter(setting, state)) {
         setting.sensors = sensors;
         settled = shooting::settle(setting, state);
@@ -267,6 +274,12 @@ fn length(setting: &Setting<'_>, records: &[Record]) -> Length {
     Length::of(records, setting.raw.iter().map(|s| s.len() as f64 * s.step_s).sum())
 }
 
+/// So many windows are too few.
+fn few(setting: &Setting<'_>, records: &[Record], blocks: usize, window_s: f64) -> Undecidable {
+    let length = (!dying::is_over(setting, blocks)).then(|| length(setting, records));
+    too_few(blocks, window_s, !setting.shooting, length)
+}
+
 /// Why this record cannot decide, if it cannot.
 fn undecidable(
     setting: &Setting<'_>,
@@ -280,7 +293,7 @@ fn undecidable(
     }
     if blocks < FEWEST_BLOCKS {
         // Whole windows of the balance of forces are long; trajectories would do with shorter ones.
-        return Some(too_few(blocks, window_s, !setting.shooting, length(setting, records)));
+        return Some(few(setting, records, blocks, window_s));
     }
     // Rows of the weak form are judged equation by equation; written equations may hold what is
     // hardly separable on purpose.

@@ -15,7 +15,7 @@ use self::parameters::{of_equations, of_identification};
 pub use self::sized::{Lines, with_lines};
 use super::candidates::{Candidate, Column};
 use super::memory;
-use super::shooting::{BLOCKS, MOST_SAMPLES, signs};
+use super::shooting::{self, BLOCKS, MOST_SAMPLES, WHOLE, signs};
 use super::units;
 use crate::effects::columns::Span;
 use crate::effects::entry::Entry;
@@ -61,6 +61,8 @@ pub struct Setting<'a> {
     pub shooting: bool,
     /// Windows of shooting that the record should give.
     pub blocks: f64,
+    /// Fewest samples of a block where windows are cut into several.
+    pub part: usize,
     /// Length of a window that was asked for, s: in its place no other is sought.
     pub window_s: Option<f64>,
     /// Signs that own coefficients keep; 0 for either.
@@ -148,6 +150,9 @@ impl<'a> Setting<'a> {
             // What is measured to act may be as fast as the low-pass lets through.
             core::f64::consts::TAU * geometry.kernels.full.pass_hz / rig.sample_rate_hz
         };
+        let is_free = rig.drive.is_none() && whole.inputs.is_empty();
+        let paths: Vec<usize> = raw.iter().map(|s| shooting::samples_of_path(s, &geometry.kernels)).collect();
+        let is_short = is_free && shooting::is_short(&paths);
         let mut setting = Self {
             rig,
             whole,
@@ -156,7 +161,13 @@ impl<'a> Setting<'a> {
             record_of,
             own,
             shooting: true,
-            blocks: BLOCKS,
+            blocks: if is_short && settings.window_s.is_none() { WHOLE } else { BLOCKS },
+            part: if is_short {
+                let half_swing = 0.5 * geometry.swing_s * rig.sample_rate_hz;
+                shooting::fewest_of_part(2 * circle.len(), sensors.sigma.len(), half_swing)
+            } else {
+                shooting::LONG_PART
+            },
             window_s: settings.window_s,
             signs: Vec::new(),
             sensors,

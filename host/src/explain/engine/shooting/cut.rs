@@ -3,23 +3,48 @@
 //! blocks then, with the window's initial state, fitted to all of it: with K what that is for each
 //! column and the target, rows of a block lose S K, S the state's. What blocks leave adds up to what
 //! the window leaves.
+//!
+//! A block has an initial state of its own over the shorter horizon. Fitted to four values for each of
+//! its numbers, that takes a quarter of what the block tells, and more of shorter ones: with a sensor
+//! for each coordinate a block has eight samples at least. What a model lacks is alike for half a
+//! swing; shorter blocks would leave in what is held out what was fitted beside it. Blocks of long
+//! records are longer; only where [`FEWEST_BLOCKS`] windows of 32 samples find no room are these the
+//! bounds.
 
 use std::ops::Range;
 
 use nalgebra::DMatrix;
 
 use super::BLOCKS;
+use super::MOST_SAMPLES;
 use super::blocks::Part;
 use super::course::Course;
 use super::gram::Sums;
 use super::linear::Normal;
-use super::path::{FEWEST_SAMPLES, Path, Window};
+use super::path::{FEWEST_SAMPLES, Path, Window, windows};
+use crate::explain::decidability::FEWEST_BLOCKS;
 use crate::explain::engine::prediction;
 use crate::explain::engine::setting::Setting;
 
 /// Blocks that a record should give where windows are fewer (by hand): probabilities by their scatter
 /// have that many degrees of freedom.
 const PARTS: usize = 40;
+
+/// Fewest samples of a block of a long record.
+pub const LONG_PART: usize = 2 * FEWEST_SAMPLES;
+/// Values of a block for each number of its initial state.
+const VALUES: usize = 4;
+
+/// Fewest samples of a block of a short record, of so many numbers of an initial state, sensors and
+/// samples in half a swing.
+pub fn fewest_of_part(states: usize, sensors: usize, half_swing: f64) -> usize {
+    (VALUES * states).div_ceil(sensors.max(1)).max(half_swing.ceil() as usize)
+}
+
+/// Whether paths of so many samples have no room for the windows that decide.
+pub fn is_short(paths: &[usize]) -> bool {
+    windows(paths, LONG_PART, MOST_SAMPLES).len() < FEWEST_BLOCKS
+}
 
 /// How a window is cut.
 #[derive(Clone, Copy)]
@@ -57,7 +82,7 @@ pub fn blocks_of(setting: &Setting<'_>, all: &[Window]) -> usize {
     if !is_free || !is_long || all.len() as f64 >= BLOCKS {
         return 1;
     }
-    PARTS.div_ceil(all.len().max(1)).min(fewest / (2 * FEWEST_SAMPLES)).max(1)
+    PARTS.div_ceil(all.len().max(1)).min(fewest / setting.part.max(1)).max(1)
 }
 
 impl Course<'_> {
@@ -104,5 +129,22 @@ impl Course<'_> {
             cut.ranges(w.count).map(place).collect()
         };
         all.iter().map(of).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_block_holds_half_a_swing_and_more_than_its_state() {
+        // A swing of 0.85 s at 30 Hz; one of four samples.
+        assert_eq!(fewest_of_part(2, 1, 12.8), 13);
+        assert_eq!(fewest_of_part(2, 1, 2.0), 8);
+        assert_eq!((fewest_of_part(4, 2, 2.0), fewest_of_part(4, 1, 2.0)), (8, 16));
+        // Five seconds of it hold as many as decide, and no nine windows of 32 samples.
+        assert!(is_short(&[119]) && 119 / fewest_of_part(2, 1, 12.8) >= FEWEST_BLOCKS);
+        assert!(!is_short(&[9 * LONG_PART]) && is_short(&[9 * LONG_PART - 1]));
+        assert!(!is_short(&[20; 9]) && is_short(&[]));
     }
 }

@@ -10,6 +10,11 @@ use crate::identify::windows::Kernels;
 /// Fewest samples of a window: an initial state and what is left of it.
 pub const FEWEST_SAMPLES: usize = 16;
 
+/// Samples of a stretch that the low-pass leaves.
+pub fn samples_of_path(s: &Stretch, kernels: &Kernels) -> usize {
+    s.len().saturating_sub(2 * kernels.full.reach())
+}
+
 /// A path along a stretch.
 #[derive(Clone, Debug)]
 pub struct Path {
@@ -24,7 +29,7 @@ impl Path {
     pub fn smoothed(s: &Stretch, kernels: &Kernels) -> Self {
         let n = s.coordinates.len();
         let reach = kernels.full.reach();
-        let count = s.len().saturating_sub(2 * reach);
+        let count = samples_of_path(s, kernels);
         let mut states = vec![0.0; 2 * n * count];
         let (mut smooth, mut slope) = (Vec::new(), Vec::new());
         for (k, x) in s.coordinates.iter().enumerate() {
