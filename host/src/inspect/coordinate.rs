@@ -11,8 +11,9 @@ use std::f64::consts::{PI, TAU};
 
 use super::drive_check;
 use super::motion::{Motion, Space};
+use super::strongest::{self, Strongest};
 use crate::signal::angles::wrap;
-use crate::signal::spectrum::{self, Density, Line};
+use crate::signal::spectrum::{self, Density};
 
 /// A named line of a spectrum.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -44,10 +45,8 @@ pub struct Spectrum {
     pub band_hz: f64,
     /// Strongest lines, the greatest amplitude first.
     pub lines: Vec<NamedLine>,
-    /// Where most of the motion is, Hz, if a broad hump rather than a line holds it: a resonance
-    /// that noise or many tones excite stands above every line without being one.
-    #[serde(skip)]
-    pub hump_hz: Option<f64>,
+    /// Where most of the motion is; none where nothing stands above the sensor's noise.
+    pub strongest: Option<Strongest>,
     /// Frequencies of the plotted points, Hz: the first 1000 bins, then means over bands that widen
     /// by 1 % each.
     pub frequency_hz: Vec<f32>,
@@ -110,6 +109,15 @@ fn piece_length(longest: usize, samples_per_period: Option<f64>) -> usize {
     spectrum::fast_length(wanted.clamp(8, longest.max(8)))
 }
 
+/// Welch's density of the increments.
+fn density(motion: &Motion, rate_hz: f64, drive_hz: Option<f64>) -> Option<Density> {
+    let series = motion.increments(rate_hz);
+    let longest = series.iter().map(Vec::len).max().unwrap_or(0);
+    let piece = piece_length(longest, drive_hz.map(|f| rate_hz / f));
+    let parts: Vec<&[f64]> = series.iter().map(Vec::as_slice).collect();
+    spectrum::welch(&parts, rate_hz, piece).ok()
+}
+
 /// Describes one coordinate. `denominator`: lines are named by fractions of the drive's frequency
 /// up to this denominator.
 pub fn describe(
@@ -124,11 +132,7 @@ pub fn describe(
     let count = all().count().max(1) as f64;
     let (least, greatest) = all().fold((f64::INFINITY, f64::NEG_INFINITY), |(l, g), &x| (l.min(x), g.max(x)));
     let noise = motion.noise();
-    let series = motion.increments(rate_hz);
-    let longest = series.iter().map(Vec::len).max().unwrap_or(0);
-    let piece = piece_length(longest, drive_hz.map(|f| rate_hz / f));
-    let parts: Vec<&[f64]> = series.iter().map(Vec::as_slice).collect();
-    let density = if greatest > least { spectrum::welch(&parts, rate_hz, piece).ok() } else { None };
+    let density = if greatest > least { density(motion, rate_hz, drive_hz) } else { None };
     let spectrum = density.map(|d| summarise(d, motion, noise, rate_hz, drive_hz, denominator));
     let band = spectrum.as_ref().map_or(rate_hz / 20.0, |s| s.band_hz);
     let m = ((0.1 * rate_hz / band).round() as usize).clamp(2, 50);
@@ -188,7 +192,6 @@ fn summarise(
         sum >= 0.99 * total
     });
     let mut lines = spectrum::lines(&d, 12);
-    let hump_hz = hump(&d, &lines);
     // A line between two bins has less density than one of its amplitude on a bin.
     lines.sort_by(|a, b| b.amplitude.total_cmp(&a.amplitude));
     let lines = lines
@@ -209,27 +212,10 @@ fn summarise(
         averages: d.averages,
         band_hz: band.map_or(rate_hz / 2.0, |m| d.frequency(m)).max(d.bin_hz),
         lines,
-        hump_hz,
+        strongest: strongest::find(motion, noise, rate_hz, d.piece, drive_hz, denominator),
         frequency_hz,
         density,
     }
-}
-
-/// The middle of the hump that holds the greatest density, Hz; none where that is a line's.
-///
-/// The middle is the mean over the bins of at least half that density around it: single bins of a
-/// hump scatter.
-fn hump(d: &Density, lines: &[Line]) -> Option<f64> {
-    // The removed mean distorts the three lowest bins, as for lines.
-    let top = (3..d.density.len()).max_by(|a, b| d.density[*a].total_cmp(&d.density[*b]))?;
-    let of_line = |l: &Line| (l.frequency_hz - d.frequency(top)).abs() < 2.0 * d.bin_hz;
-    if d.density[top] <= 0.0 || lines.iter().any(of_line) {
-        return None;
-    }
-    let near = top.saturating_sub(24).max(3)..(top + 25).min(d.density.len());
-    let held = near.filter(|m| d.density[*m] >= 0.5 * d.density[top]);
-    let (sum, weighted) = held.fold((0.0, 0.0), |(s, w), m| (s + d.density[m], w + d.density[m] * d.frequency(m)));
-    Some(weighted / sum)
 }
 
 /// The first 1000 bins, then means over bands that widen by 1 %.
@@ -318,8 +304,10 @@ mod tests {
         };
         let s = of(1.0, 0.06);
         assert!((s.lines[0].frequency_hz - 30.0).abs() < 0.1, "{:?}", s.lines);
-        assert!(s.hump_hz.is_some_and(|f| (9.0..15.0).contains(&f)), "{:?}", s.hump_hz);
-        assert_eq!(of(1e-3, 0.06).hump_hz, None);
+        let hump = s.strongest.unwrap();
+        assert!(hump.broad && (9.0..15.0).contains(&hump.frequency_hz), "{hump:?}");
+        let line = of(1e-3, 0.06).strongest.unwrap();
+        assert!(!line.broad && (line.frequency_hz - 30.0).abs() < 0.1, "{line:?}");
     }
 
     #[test]
@@ -332,6 +320,8 @@ mod tests {
         let x = x.map(|t| 0.95 * (TAU * on * t).sin() + (TAU * between * t).sin()).collect();
         let m = Motion { unit: "m".into(), space: Space::R, ..motion(x) };
         let s = describe(&m, None, rate, None, 4).spectrum.unwrap();
-        assert!((s.lines[0].frequency_hz - between).abs() < 0.1 * bin && s.hump_hz.is_none(), "{:?}", s.lines);
+        assert!((s.lines[0].frequency_hz - between).abs() < 0.1 * bin, "{:?}", s.lines);
+        let strongest = s.strongest.unwrap();
+        assert!((strongest.frequency_hz - between).abs() < 0.1 * bin && !strongest.broad, "{strongest:?}");
     }
 }

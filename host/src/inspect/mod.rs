@@ -9,6 +9,7 @@ pub mod motion;
 pub mod periodicity;
 pub mod plots;
 pub mod standing_line;
+pub mod strongest;
 pub mod summary;
 pub mod text;
 

@@ -35,13 +35,12 @@ fn measured_drive(inspection: &Inspection) -> Option<String> {
 
 /// Where most of a coordinate's motion is: a line, or a hump that stands above every line.
 fn strongest(c: &Coordinate) -> Option<String> {
-    let s = c.spectrum.as_ref()?;
-    if let Some(f) = s.hump_hz {
-        return Some(format!("strongest near {} Hz (broad)", significant(f, 2)));
+    let s = c.spectrum.as_ref()?.strongest.as_ref()?;
+    if s.broad {
+        return Some(format!("strongest near {} Hz (broad)", significant(s.frequency_hz, 2)));
     }
-    let l = s.lines.first()?;
-    let name = l.name.as_ref().map_or(String::new(), |n| format!(" ({})", beside_the_drives(n)));
-    Some(format!("strongest at {} Hz{name}", significant(l.frequency_hz, 3)))
+    let name = s.name.as_ref().map_or(String::new(), |n| format!(" ({})", beside_the_drives(n)));
+    Some(format!("strongest at {} Hz{name}", significant(s.frequency_hz, 3)))
 }
 
 /// A line's name in words, as a terminal has no legend for f_e: `f_e/2`, half of the drive's.
