@@ -7,7 +7,7 @@ use super::engine::changed::Changed;
 use super::explanation::{Found, Limit};
 use super::gap::{AtHorizon, Miss};
 use super::locking::LOCKS_LATER;
-use super::reason::{Criterion, Reason};
+use super::reason::{Criterion, Reason, seconds_of};
 use super::{DecidedBy, Explanation, Step, Verdict};
 use crate::effects::text_of;
 use crate::export::written_out::{WrittenOut, written_out};
@@ -16,7 +16,7 @@ use crate::model::identified::IdentifiedModel;
 use crate::motion::Motion;
 use crate::report::card::{Card, CardRow, GapBar};
 use crate::rig::Rig;
-use crate::wording::format::{Z95, plus_minus, quantity, rounded, shortest, significant};
+use crate::wording::format::{Z95, plus_minus, quantity, significant};
 use crate::wording::names;
 
 /// Most candidates that were close of which it is told why they were not taken.
@@ -92,7 +92,7 @@ fn sentence(e: &Explanation) -> String {
         .collect();
     let found = if found.len() > 1 { found.join("; ") } else { found.concat() };
     let steps = &e.gap.steps;
-    let over = |horizon_s: f64| format!("predictions over {} s", shortest(rounded(horizon_s, 4)));
+    let over = |horizon_s: f64| format!("predictions over {} s", seconds_of(horizon_s));
     let change = match (changed(e), steps.last()) {
         (Some(AtHorizon { horizon_s, before, after }), _) => {
             let over = over(horizon_s);
@@ -162,7 +162,7 @@ fn above(d: &DecidedBy) -> String {
     match d.what {
         Criterion::Gap { horizon_s } => format!(
             "predictions over {} s miss by {value} times the sensors' noise (up to {limit} would be noise)",
-            significant(horizon_s, 4)
+            seconds_of(horizon_s)
         ),
         // So far from noise that how far tells nothing.
         Criterion::Power | Criterion::PowerOfWhole if d.value > FAR => {
@@ -225,10 +225,8 @@ fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
     // Said once, above all.
     let many = !misses.is_empty() && misses.iter().all(|m| matches!(m, Miss::Own { .. }));
     let floors = if many { e.gap.noise() } else { "1 noise floor is what the sensors' noise alone leaves".to_owned() };
-    let heading = format!(
-        "How far predictions over {} s miss, where they were not fitted ({floors})",
-        shortest(rounded(horizon_s, 4))
-    );
+    let heading =
+        format!("How far predictions over {} s miss, where they were not fitted ({floors})", seconds_of(horizon_s));
     let bar = |((name, value), miss): (&(String, f64), &Miss)| {
         let own = e.gap.floor_in.as_ref().map(|floor| quantity(value * floor.value, &floor.unit, 3));
         let also = own.map_or_else(String::new, |own| format!(", {}", own.replace(" °", "°")));

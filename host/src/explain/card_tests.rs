@@ -99,7 +99,7 @@ fn an_open_verdict_tells_the_number_that_decided_it() {
         (
             Criterion::Gap { horizon_s: 0.4 },
             2.11,
-            "predictions over 0.4000 s miss by 2.11 times the sensors' noise (up to 1.30 would be noise).",
+            "predictions over 0.4 s miss by 2.11 times the sensors' noise (up to 1.30 would be noise).",
         ),
         (
             Criterion::Power,

@@ -9,6 +9,7 @@ use crate::record::Record;
 use crate::record::cut::Part;
 use crate::rig::Rig;
 use crate::warning::Warning;
+use crate::wording::format::in_seconds;
 
 /// Explains records; where all of them lock to the drive and nothing is decided, by what came
 /// before each did.
@@ -44,7 +45,8 @@ pub(super) const LOCKS_LATER: &str = "locks-later";
 
 fn told(record: &Record, end_s: f64) -> Warning {
     let of_s = record.segments.last().map_or(end_s, |s| s.start_s + s.len() as f64 * s.step_s);
-    let text = format!("the motion repeats (locked to the drive) from {end_s:.1} s on, of {of_s:.1} s");
+    let text =
+        format!("the motion repeats (locked to the drive) from {} on, of {}", in_seconds(end_s), in_seconds(of_s));
     let advice = "What came before is explained; one orbit cannot tell effects apart (`whirl plan` proposes settings)";
     Warning::new(LOCKS_LATER, text, advice).with("from_s", end_s)
 }

@@ -31,6 +31,11 @@ pub enum Criterion {
     Pieces,
 }
 
+/// A horizon as every sentence tells it, and as `--horizon` takes it: `0.534`.
+pub(super) fn seconds_of(horizon_s: f64) -> String {
+    shortest(rounded(horizon_s, 4))
+}
+
 impl Display for Criterion {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
@@ -137,13 +142,14 @@ impl Display for Residual {
         let power = if *power < 1000.0 { format!("{power:.2}") } else { significant(*power, 3) };
         write!(
             f,
-            "what is left has {power} times the power that the sensors' noise gives, and predictions over {horizon_s:.3} s miss by {gap}"
+            "what is left has {power} times the power that the sensors' noise gives, and predictions over {} s miss by {gap}",
+            seconds_of(*horizon_s)
         )?;
         if let Some(own) = &self.own {
             own.fmt(f)?;
         }
         if let Some((horizon_s, miss)) = &self.longer {
-            write!(f, ", over {horizon_s:.3} s by {miss}")?;
+            write!(f, ", over {} s by {miss}", seconds_of(*horizon_s))?;
         }
         if let Some((left, most)) = self.whole {
             let left = significant(left, 3);

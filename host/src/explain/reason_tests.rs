@@ -37,7 +37,7 @@ fn what_was_compared_has_its_words() {
 
 #[test]
 fn what_is_left_has_its_words() {
-    let noise = "what is left has 1.00 times the power that the sensors' noise gives, and predictions over 0.200 s miss by 1.00 noise floors";
+    let noise = "what is left has 1.00 times the power that the sensors' noise gives, and predictions over 0.2 s miss by 1.00 noise floors";
     let torque =
         "a torque at joint2 that depends on the drive phase takes away 12 % of what is left where it was not fitted";
     let none = "no effect of the list accounts for it";
@@ -83,10 +83,12 @@ fn what_it_is_held_against_is_told_with_it() {
     };
     assert_eq!(
         words(&Reason::Noise(far)),
-        "what is left has 12345 times the power that the sensors' noise gives, and predictions over 0.200 s miss by 9.10 mm (the sensors' noise is 100 nm) \
+        "what is left has 12345 times the power that the sensors' noise gives, and predictions over 0.2 s miss by 9.10 mm (the sensors' noise is 100 nm) \
          (in records that the model itself makes it is 1.00, and up to 1.08 would be chance; one window that cannot be followed even there is left out), \
-         over 0.800 s by no prediction: the fit diverged"
+         over 0.8 s by no prediction: the fit diverged"
     );
+    let fast = words(&Reason::Noise(Residual { horizon_s: 1.068e-5, ..residual() }));
+    assert!(fast.contains("predictions over 0.00001068 s miss"), "{fast}");
     let whole = Residual { whole: Some((1.5, 1.128)), ..residual() };
     let told = words(&Reason::Noise(whole));
     assert!(

@@ -14,6 +14,7 @@ use std::borrow::Cow;
 
 use crate::record::{Record, Segment};
 use crate::warning::Warning;
+use crate::wording::format::{in_seconds, instant};
 
 /// Segments that count from one zero: a boot of theirs, and their length.
 struct Group {
@@ -48,12 +49,21 @@ fn longest(groups: &[Group]) -> Option<&Group> {
 /// ones.
 fn times(segments: &[&Segment]) -> String {
     const SHOWN: usize = 3;
-    let time = |s: &&Segment| format!("{:.3} to {:.3} s", s.start_s, s.start_s + s.duration_s());
+    let time = |s: &&Segment| {
+        let of = |t: f64| instant(t, s.step_s);
+        format!("{} to {} s", of(s.start_s), of(s.start_s + s.duration_s()))
+    };
     let mut words: Vec<String> = segments.iter().take(SHOWN).map(time).collect();
     if segments.len() > SHOWN {
         words.push(format!("{} more", segments.len() - SHOWN));
     }
     words.join(", ")
+}
+
+/// The options that name a stretch.
+fn options(s: &Segment) -> String {
+    let of = |t: f64| instant(t, s.step_s).replace('−', "-");
+    format!("--from {} --to {}", of(s.start_s), of(s.start_s + s.duration_s()))
 }
 
 /// The records, of each what counts from its longest zero, and a warning for each of which
@@ -74,14 +84,15 @@ pub fn of_known_zero(records: &[Record]) -> (Cow<'_, [Record]>, Vec<Warning>) {
                 "restarted",
                 format!(
                     "{}: the device restarted and counted from another zero: the longest part with one zero is used, t = {}; \
-                     {left_s:.3} s are left out, t = {}",
+                     {} are left out, t = {}",
                     record.path.display(),
                     times(&used),
+                    in_seconds(left_s),
                     times(&left)
                 ),
                 format!(
                     "To use another part, name it with --from and --to, such as {}; its zero may be another pose than the one set",
-                    left.first().map_or_else(String::new, |s| format!("--from {:.3} --to {:.3}", s.start_s, s.start_s + s.duration_s()))
+                    left.first().map_or_else(String::new, |s| options(s))
                 ),
             )
             .with("kept_s", best.seconds)

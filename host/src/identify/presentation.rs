@@ -57,9 +57,14 @@ pub fn table(result: &Identification, heading: &str, truth: &dyn Fn(&str) -> Opt
             result.equations_used + result.equations_dropped
         ),
         None => format!(
-            "Weak form over {} windows of {:.3} s with test frequencies up to {:.2} Hz; signals smoothed up to {:.1} Hz (signs of velocities: \
-         {:.1} Hz). Standard errors: {}; ± is 1.96 of them.",
-            d.windows, d.window_s, d.max_frequency_hz, d.pass_hz, d.sign_pass_hz, errors_from
+            "Weak form over {} windows of {} s with test frequencies up to {} Hz; signals smoothed up to {} Hz (signs of velocities: \
+         {} Hz). Standard errors: {}; ± is 1.96 of them.",
+            d.windows,
+            significant(d.window_s, 3),
+            significant(d.max_frequency_hz, 3),
+            significant(d.pass_hz, 3),
+            significant(d.sign_pass_hz, 3),
+            errors_from
         ),
     }];
     if let Some(s) = &result.shooting {

@@ -28,6 +28,7 @@ use crate::model::model_file::expression::Symbol;
 use crate::record::Record;
 use crate::rig::measures::ObservedModel;
 use crate::warning::Warning;
+use crate::wording::format::in_seconds;
 
 /// Range of a sensor that stands still, counts: one step to and fro, and rounding.
 const COUNTS: f64 = 1.5;
@@ -133,8 +134,9 @@ pub fn told(still: &[Still], records: &[Record], bound: &ObservedModel) -> Optio
     let warning = Warning::new(
         ID,
         format!(
-            "{name} stands still from {place} on for {:.3} s{others}: {left_out_s:.3} s in which a joint stands still were left out",
-            first.length_s()
+            "{name} stands still from {place} on for {}{others}: {} in which a joint stands still were left out",
+            in_seconds(first.length_s()),
+            in_seconds(left_out_s)
         ),
         "Where dry friction holds a joint no equation of motion says with what torque; if the joint moved there, look at the sensor",
     );

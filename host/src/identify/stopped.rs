@@ -30,6 +30,7 @@ use crate::record::Record;
 use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
 use crate::warning::Warning;
+use crate::wording::format::in_seconds;
 
 /// Greatest friction at rest over that of sliding: dry contacts have up to about twice.
 const HOLDS: f64 = 2.0;
@@ -80,8 +81,8 @@ fn warning(still: &Still, ratio: f64, records: &[Record], bound: &ObservedModel)
     let w = Warning::new(
         "channel-stopped",
         format!(
-            "{name} stands still from {place} on for {:.3} s although the motion asks for {ratio:.1} times the torque with which its friction holds: its sensor has died",
-            still.length_s()
+            "{name} stands still from {place} on for {} although the motion asks for {ratio:.1} times the torque with which its friction holds: its sensor has died",
+            in_seconds(still.length_s())
         ),
         format!("These {n} rows are left out as a gap; look at the sensor's cable and supply"),
     );

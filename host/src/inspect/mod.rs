@@ -25,7 +25,7 @@ use crate::reduce::systems::SYSTEMS;
 use crate::rig::Rig;
 use crate::suspects::slipped;
 use crate::warning::Warning;
-use crate::wording::format::shortest;
+use crate::wording::format::{in_seconds, shortest};
 use coordinate::Coordinate;
 use drive_check::DriveCheck;
 use periodicity::{Kind, Periodicity};
@@ -157,7 +157,7 @@ pub fn motion_of(record: &Record, rig: &Rig, settings: &InspectSettings) -> Resu
         record.segments.iter().map(|s| s.len()).enumerate().max_by_key(|(i, n)| (*n, usize::MAX - i)).unwrap_or((0, 0));
     let of_drive = |f: f64| {
         let (periods, window_s) = (settings.window_periods, settings.window_periods / f);
-        let name = format!(" ({window_s:.3} s: {periods} drive periods of {} s)", shortest(1.0 / f));
+        let name = format!(" ({}: {periods} drive periods of {} s)", in_seconds(window_s), shortest(1.0 / f));
         ((window_s * rate).round(), name)
     };
     let (needed, window) = drive_hz.map_or_else(|| (settings.window_free, String::new()), of_drive);
@@ -165,9 +165,9 @@ pub fn motion_of(record: &Record, rig: &Rig, settings: &InspectSettings) -> Resu
         let place = if record.segments.len() > 1 { "longest unbroken stretch" } else { "length" };
         return Err(BadInput::new(
             format!(
-                "{longest_len} {} ({:.3} s at {} Hz){}",
+                "{longest_len} {} ({} at {} Hz){}",
                 if longest_len == 1 { "sample" } else { "samples" },
-                longest_len as f64 / rate,
+                in_seconds(longest_len as f64 / rate),
                 shortest(rate),
                 broken_by(record.losses.nan_rows)
             ),
@@ -314,9 +314,9 @@ fn notices(
         Kind::LocksLater => out.push(Warning::new(
             "locks-later",
             format!(
-                "the record repeats {} from {:.1} s after the start of its longest stretch",
+                "the record repeats {} from {} after the start of its longest stretch",
                 locked(periodicity.period),
-                periodicity.locked_after_s.unwrap_or(0.0)
+                in_seconds(periodicity.locked_after_s.unwrap_or(0.0))
             ),
             "Use the part before, or change the drive until the motion stays chaotic",
         )),

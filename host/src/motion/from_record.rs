@@ -15,6 +15,7 @@ use crate::identify::stretches::Stretch;
 use crate::identify::taken_off::OfTheRecord;
 use crate::identify::track::{ExogenousInputs, Track};
 use crate::record::Record;
+use crate::wording::format::instant;
 
 /// Where a simulation begins.
 pub struct Begin {
@@ -43,8 +44,9 @@ pub fn begin(motion: &Motion, record: &Record, start_s: Option<f64>) -> Result<B
     let at = start_s.or(stretches.first().map(|s| s.start_s)).unwrap_or(0.0);
     let within = |s: &&Stretch| at >= s.start_s - 0.5 * s.step_s && at < s.time(s.len());
     let Some(stretch) = stretches.iter().find(within) else {
-        let spans: Vec<String> =
-            stretches.iter().take(4).map(|s| format!("{:.3} to {:.3} s", s.start_s, s.time(s.len()))).collect();
+        let span =
+            |s: &Stretch| format!("{} to {} s", instant(s.start_s, s.step_s), instant(s.time(s.len()), s.step_s));
+        let spans: Vec<String> = stretches.iter().take(4).map(span).collect();
         return Err(BadInput::new(format!("{at} s"), format!("a time of the record, {}", spans.join(", ")))
             .in_file(&record.path)
             .at("--start")

@@ -3,7 +3,7 @@
 use super::average_mutual_information::Minimum;
 use super::survey_settings::Settings;
 use crate::warning::Warning;
-use crate::wording::format::duration;
+use crate::wording::format::{duration, in_seconds};
 
 /// That a delay is no clear one.
 pub const WEAK_MINIMA: &str = "weak-minima";
@@ -41,7 +41,11 @@ pub fn few_orbits(found: usize, seconds: f64, settings: &Settings) -> Warning {
     let Settings { longest, tolerance, .. } = settings;
     Warning::new(
         "few-orbits",
-        format!("{found} orbits of period ≤ {longest} in {seconds:.0} s at a tolerance of {} %", 100.0 * tolerance),
+        format!(
+            "{found} orbits of period ≤ {longest} in {} at a tolerance of {} %",
+            in_seconds(seconds),
+            100.0 * tolerance
+        ),
         format!(
             "Raise the tolerance to {} %, or record {:.0} min",
             160.0 * tolerance,

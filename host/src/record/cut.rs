@@ -2,7 +2,7 @@
 
 use super::{Losses, Record, Segment};
 use crate::error::{BadInput, Result};
-use crate::wording::format::shortest;
+use crate::wording::format::{instant, shortest};
 
 /// Which part of a record is used, s; all of it without bounds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -49,15 +49,18 @@ impl Record {
         if part.is_all() {
             return Ok(());
         }
-        let whole =
-            self.segments.first().zip(self.segments.last()).map(|(a, b)| (a.start_s, b.start_s + b.duration_s()));
+        let whole = self
+            .segments
+            .first()
+            .zip(self.segments.last())
+            .map(|(a, b)| (a.start_s, b.start_s + b.duration_s(), b.step_s));
         self.segments = self.segments.iter().filter_map(|s| of_segment(s, part)).collect();
         if self.segments.is_empty() {
-            let (from, to) = whole.unwrap_or_default();
+            let (from, to, step_s) = whole.unwrap_or_default();
             let bound = |s: Option<f64>, without: f64| shortest(s.unwrap_or(without));
             return Err(BadInput::new(
                 format!("no sample from t = {} to {} s", bound(part.from_s, from), bound(part.to_s, to)),
-                format!("a part of t = {from:.3} to {to:.3} s"),
+                format!("a part of t = {} to {} s", instant(from, step_s), instant(to, step_s)),
             )
             .in_file(&self.path)
             .at("--from, --to")

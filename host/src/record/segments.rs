@@ -14,7 +14,7 @@ use crate::error::{BadInput, Result};
 use crate::rig::{Channel, Rig, UNKNOWN_RATE};
 use crate::suspects::{self, Numbering};
 use crate::warning::Warning;
-use crate::wording::format::{behind, rounded};
+use crate::wording::format::{behind, rounded, significant};
 
 /// Rms deviation of `t` from an even clock, in steps, from which a warning is given.
 const JITTER_WARNING: f64 = 0.05;
@@ -232,8 +232,13 @@ fn other_clock(rows: &Rows<'_>, range: &Range<usize>, step: f64) -> BadInput {
     let before = rows.t[i.saturating_sub(1)];
     // A CSV's first row is its second line.
     let place = rows.passed + i + if rows.word == "line" { 2 } else { 1 };
-    rows.bad(place as u64, "t", format!("{} after {before}", rows.t[i]), &format!("a time about {step:.6} s later"))
-        .remedy("Mend the times, or take these rows out: they do not follow the record's clock")
+    rows.bad(
+        place as u64,
+        "t",
+        format!("{} after {before}", rows.t[i]),
+        &format!("a time about {} s later", significant(step, 4)),
+    )
+    .remedy("Mend the times, or take these rows out: they do not follow the record's clock")
 }
 
 /// Ranges of rows without gap, losses counted.

@@ -2,7 +2,7 @@
 
 use super::{Check, Pair, Validation, natural_frequencies};
 use crate::statistics::Z95;
-use crate::wording::format::significant;
+use crate::wording::format::{in_seconds, significant};
 
 /// Standard errors by which two invariants may differ.
 const STANDARD_ERRORS: f64 = 3.0;
@@ -35,7 +35,9 @@ pub(super) fn checks(v: &Validation) -> Vec<Check> {
             "prediction-horizon",
             unended || measured >= share * simulated,
             format!(
-                "median {measured:.2} s on the record, {simulated:.2} s on the model's own{}",
+                "median {} on the record, {} on the model's own{}",
+                in_seconds(measured),
+                in_seconds(simulated),
                 if unended && measured < share * simulated {
                     ": most last to the record's end".to_owned()
                 } else {

@@ -19,6 +19,7 @@ use crate::record::Record;
 use crate::rig::{Rig, as_own};
 use crate::signal::spectrum::{fast_length, line_at, welch};
 use crate::system::library::Pendulum;
+use crate::wording::format::in_seconds;
 
 /// Largest angle of the part of a free vibration that is used, rad.
 const SMALL: f64 = 0.35;
@@ -103,7 +104,7 @@ pub fn of_record(record: &Record, rig: &Rig) -> Result<([f64; 2], f64)> {
     let length = longest.len() - first;
     let rate = 1.0 / longest.step_s;
     if length < 64 {
-        return Err(bad(format!("{:.3} s below that angle", length as f64 / rate)));
+        return Err(bad(format!("{} below that angle", in_seconds(length as f64 / rate))));
     }
     let piece = fast_length(length);
     let mut sum: Vec<f64> = Vec::new();

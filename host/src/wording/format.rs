@@ -149,6 +149,18 @@ pub fn several(n: usize, noun: &str) -> String {
     format!("{} {noun}{s}", count(n as u64))
 }
 
+/// A length of time in s, however short, to three digits: `0.534 s`, `4.00 s`, `4.45·10⁻⁴ s`.
+pub fn in_seconds(s: f64) -> String {
+    format!("{} s", significant(s, 3))
+}
+
+/// A time of a record whose samples are `step_s` apart, in s: to the millisecond, or to what tells
+/// its samples apart where they are closer.
+pub fn instant(time_s: f64, step_s: f64) -> String {
+    let decimals = if step_s > 0.0 { (-step_s.log10()).ceil().clamp(3.0, 12.0) as usize } else { 3 };
+    fixed(time_s, decimals)
+}
+
 /// A length of time: `120.0 s`, `12 min 5 s`, `1 h 0 min 3 s`; below a second in ms or µs.
 pub fn duration(seconds: f64) -> String {
     let s = seconds.abs();
@@ -251,6 +263,10 @@ mod tests {
         assert_eq!(duration(120.0), "120.0 s");
         assert_eq!(duration(3603.2), "1 h 0 min 3 s");
         assert_eq!(duration(0.002), "2.00 ms");
+        assert_eq!(["0.534 s", "4.00 s", "4.45·10⁻⁴ s"], [0.534_05, 4.0, 4.4543e-4].map(in_seconds));
+        assert_eq!(instant(12.0, 0.002), "12.000");
+        assert_eq!(instant(2.508e-4, 3.3e-6), "0.000251");
+        assert_eq!(instant(-0.5, 0.0), "−0.500");
         assert_eq!(quantity(4.43e-4, "rad", 2), "443 µrad");
         assert_eq!(quantity(0.015_525, "m", 4), "15.53 mm");
         assert_eq!(quantity(500.0, "Hz", 3), "500 Hz");

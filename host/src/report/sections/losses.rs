@@ -3,7 +3,7 @@
 use crate::inspect::Inspection;
 use crate::report::html::{Align, Html};
 use crate::report::{Results, SectionKind};
-use crate::wording::format::{count, duration, significant};
+use crate::wording::format::{count, duration, instant, significant};
 
 /// Most gaps listed.
 const MOST: usize = 20;
@@ -64,7 +64,7 @@ fn render(results: &Results) -> Option<Html> {
                 .iter()
                 .take(MOST)
                 .map(|g| {
-                    let after = format!("{:.3} s", g.after_s);
+                    let after = format!("{} s", instant(g.after_s, 1.0 / r.sample_rate_hz));
                     [after, duration(g.length_s), g.samples.to_string()].iter().map(|t| Html::text(t)).collect()
                 })
                 .collect();

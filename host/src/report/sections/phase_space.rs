@@ -9,7 +9,7 @@ use crate::report::figures::lines::lines;
 use crate::report::figures::scatter::scatter;
 use crate::report::html::{Align, Html};
 use crate::report::{Results, SectionKind};
-use crate::wording::format::{Z95, fixed, plus_minus, significant};
+use crate::wording::format::{Z95, fixed, instant, plus_minus, significant};
 use crate::wording::symbols::{symbol_plain, symbol_svg};
 
 /// Registration.
@@ -242,7 +242,7 @@ fn catalogue(body: &mut Html, space: &PhaseSpace) {
         .map(|r| {
             let mut row = vec![
                 Html::text(&r.period.to_string()),
-                Html::text(&fixed(r.start_s, 2)),
+                Html::text(&instant(r.start_s, 1.0 / space.sample_rate_hz)),
                 Html::text(&fixed(100.0 * r.error, 2)),
                 Html::text(&r.seen.to_string()),
             ];
@@ -279,7 +279,7 @@ fn free_catalogue(body: &mut Html, space: &PhaseSpace) {
         .map(|r| {
             vec![
                 Html::text(&significant(r.period_s, 5)),
-                Html::text(&fixed(r.start_s, 2)),
+                Html::text(&instant(r.start_s, 1.0 / space.sample_rate_hz)),
                 Html::text(&fixed(100.0 * r.error, 2)),
                 Html::text(&r.seen.to_string()),
             ]

@@ -92,7 +92,7 @@ fn horizons(body: &mut Html, v: &Validation) {
     ));
     let row = |name: &str, of: &Horizon, times: Option<f64>| -> Vec<Html> {
         let mut cells = vec![Html::text(name)];
-        cells.extend(of.quantiles_s.iter().map(|q| Html::text(&fixed(*q, 2))));
+        cells.extend(of.quantiles_s.iter().map(|q| Html::text(&significant(*q, 3))));
         cells.push(Html::text(&times.map_or_else(|| "–".to_owned(), |t| fixed(t, 2))));
         cells.push(Html::text(&of.unended.to_string()));
         cells
@@ -231,7 +231,7 @@ fn orbits(body: &mut Html, o: &Orbits) {
                     (turns.join(", "), significant(f.moved, 2), significant(largest, 3))
                 },
             );
-            [r.period.to_string(), fixed(r.start_s, 2), percent(r.closing, 2), turns, moved, multiplier]
+            [r.period.to_string(), significant(r.start_s, 4), percent(r.closing, 2), turns, moved, multiplier]
                 .iter()
                 .map(|t| Html::text(t))
                 .collect()
