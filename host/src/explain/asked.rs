@@ -4,6 +4,7 @@
 use super::{Explanation, Settings};
 use crate::warning::Warning;
 use crate::wording::format::{rounded, shortest};
+use crate::wording::limits;
 
 /// Share of a record that forecasts predict.
 const PREDICTED: f64 = 0.3;
@@ -13,7 +14,7 @@ pub fn tell_in(result: &mut Explanation, settings: &Settings, step_s: f64, longe
     let seconds = |s: f64| shortest(rounded(s, 4));
     let (told, window_s) = (result.gap.horizon_s, result.details.window_s);
     let mut warnings = Vec::new();
-    if let Some(asked) = settings.horizon_s.filter(|h| told < h * (1.0 - 1e-9)) {
+    if let Some(asked) = settings.horizon_s.filter(|h| limits::within(*h, 0.0, told).is_none()) {
         let text = format!(
             "--horizon {asked}: the gap is told over {} s, the length of the windows in which predictions are made",
             seconds(told)
@@ -68,6 +69,8 @@ mod tests {
     #[test]
     fn a_horizon_that_was_not_had_is_told() {
         assert_eq!((told(None, &[]), told(Some(1.405), &[1.0])), (Vec::new(), Vec::new()));
+        // As it is printed.
+        assert_eq!(told(Some(1.41), &[1.0]), Vec::new());
         let shortened = &told(Some(5.0), &[])[0];
         assert!(shortened.text.contains("--horizon 5: the gap is told over 1.405 s"), "{shortened:?}");
         assert!(shortened.advice.contains("--window-s 5"), "{shortened:?}");

@@ -22,7 +22,8 @@ use crate::rig::{Drive, Rig};
 use crate::signal::band::Band;
 use crate::signal::low_pass::Kernel;
 use crate::signal::noise::Noise;
-use crate::wording::format::{rounded, rounded_up, shortest};
+use crate::wording::format::shortest;
+use crate::wording::limits;
 
 /// Most frequencies of the test functions.
 const MOST_FREQUENCIES: usize = 400;
@@ -103,16 +104,15 @@ pub fn geometry(
     stretches_s: &[f64],
 ) -> Result<Geometry> {
     let rate = 1.0 / step_s;
-    let check = |option: &str, value: Option<f64>, low: f64, high: f64| match value {
-        Some(v) if !(v >= low && v <= high) => {
+    let check = |option: &str, value: Option<f64>, low: f64, high: f64| {
+        let Some(asked) = value else { return Ok(None) };
+        limits::within(asked, low, high).map(Some).ok_or_else(|| {
             let unit = if option.ends_with("-hz") { "Hz" } else { "s" };
-            let expected =
-                format!("a value from {} to {} {unit}", shortest(rounded_up(low, 4)), shortest(rounded(high, 4)));
-            Err(BadInput::new(format!("{} {unit}", shortest(v)), expected)
+            let expected = format!("a value from {} {unit}", limits::range(low, high));
+            BadInput::new(format!("{} {unit}", shortest(asked)), expected)
                 .at(option.to_owned())
-                .remedy("Give a value in that range, or leave the option out: it is then chosen by the record"))
-        }
-        v => Ok(v),
+                .remedy("Give a value in that range, or leave the option out: it is then chosen by the record")
+        })
     };
     let greatest = |f: fn(&Noise) -> f64| noises.iter().flatten().map(f).fold(0.0_f64, f64::max);
     let wide = inputs && rig.drive.is_none();

@@ -71,7 +71,7 @@ pub fn fixed(x: f64, decimals: usize) -> String {
 }
 
 /// Decimal exponent of |x| after rounding to `digits` significant digits.
-fn exponent(x: f64, digits: usize) -> i32 {
+pub(super) fn exponent(x: f64, digits: usize) -> i32 {
     let text = format!("{:.*e}", digits.max(1) - 1, x.abs());
     text.split_once('e').and_then(|(_, e)| e.parse().ok()).unwrap_or(0)
 }

@@ -10,6 +10,7 @@ use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
 use crate::warning::Warning;
 use crate::wording::format::quantity;
+use crate::wording::limits;
 
 /// Horizon of the gap without a drive, s, and how many periods of the motion it may be at least and
 /// at most (by hand): the first is that of the measured pendulums' published figures; over a
@@ -36,12 +37,11 @@ pub fn horizon(rig: &Rig, settings: &Settings, stretches: &[Stretch], period_s: 
     let longest = stretches.iter().map(|s| s.len() as f64 * s.step_s).fold(0.0, f64::max);
     let default = default_horizon(rig, Some(period_s));
     let default = if rig.drive.is_some() { default } else { default.min(MOST_OF_STRETCH * longest) };
-    match settings.horizon_s {
-        Some(h) if !(h >= fewest * step && h <= longest) => {
-            Err(BadInput::new(h.to_string(), format!("seconds from {} to {longest}", fewest * step)).at("--horizon"))
-        }
-        h => Ok(h.unwrap_or(default).max(fewest * step)),
-    }
+    let least = fewest * step;
+    let Some(asked) = settings.horizon_s else { return Ok(default.max(least)) };
+    limits::within(asked, least, longest).ok_or_else(|| {
+        BadInput::new(asked.to_string(), format!("seconds from {}", limits::range(least, longest))).at("--horizon")
+    })
 }
 
 /// SI unit of a coordinate.
@@ -147,6 +147,31 @@ mod tests {
     use std::path::Path;
 
     use super::*;
+    use crate::signal::angles::Phase;
+
+    #[test]
+    fn a_horizon_is_taken_as_it_is_printed() {
+        let mut rig = Rig::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/duffing.toml")).unwrap();
+        (rig.sample_rate_hz, rig.drive) = (29.960_081_16, None);
+        let stretch = Stretch {
+            start_s: 0.0,
+            step_s: 1.0 / rig.sample_rate_hz,
+            coordinates: vec![vec![0.0; 626]],
+            inputs: Vec::new(),
+            phase: Phase::Clock(1.0),
+            amplitude_nm: None,
+            history: None,
+            base: None,
+        };
+        let of = |h: f64| {
+            let settings = Settings { horizon_s: Some(h), ..Settings::default() };
+            horizon(&rig, &settings, std::slice::from_ref(&stretch), 2.5)
+        };
+        let least = 16.0 / rig.sample_rate_hz;
+        assert_eq!((of(0.534), of(2.0)), (Ok(least), Ok(2.0)));
+        let refused = of(0.5).unwrap_err().to_string();
+        assert!(refused.contains("expected seconds from 0.535 to 20.8"), "{refused}");
+    }
 
     #[test]
     fn what_is_recorded_in_parts_of_a_unit_is_told_in_it() {
