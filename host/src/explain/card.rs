@@ -110,9 +110,20 @@ fn sentence(e: &Explanation) -> String {
     match e.verdict {
         Verdict::Explained => {
             let it = if e.effects.len() == 1 { "it" } else { "them" };
-            format!("The model lacks {found}; with {it}, {change}, and nothing but noise is left.{}", rests_on(e))
+            let number = other_number(e).map_or_else(String::new, |d| format!(": {}", beside_limit(d)));
+            format!(
+                "The model lacks {found}; with {it}, {change}, and nothing but noise is left{number}.{}",
+                rests_on(e)
+            )
         }
-        Verdict::NothingMissing => format!("Nothing is missing: {change}, which is noise alone.{}", rests_on(e)),
+        Verdict::NothingMissing => {
+            let why = match &e.decided_by {
+                None => format!("{change}, which is noise alone"),
+                Some(d) if matches!(d.what, Criterion::Gap { .. }) => beside_limit(d),
+                Some(d) => format!("{}, and {change}", beside_limit(d)),
+            };
+            format!("Nothing is missing: {why}.{}", rests_on(e))
+        }
         Verdict::Unexplained => {
             let far = if found.is_empty() { String::new() } else { format!(" Found so far: {found}; {change}.") };
             if let Some(changed) = depends_on_time(e) {
@@ -121,7 +132,7 @@ fn sentence(e: &Explanation) -> String {
             }
             let is_of_shapes = |d: &DecidedBy| matches!(d.what, Criterion::Shape | Criterion::Pieces);
             let number = e.decided_by.as_ref().filter(|d| d.value > d.limit && !is_of_shapes(d));
-            let why = number.map_or_else(|| without_number(&e.reason), above);
+            let why = number.map_or_else(|| without_number(&e.reason), beside_limit);
             // A shape that is the reason is not said twice.
             let said = number.is_none() && matches!(e.reason, Reason::Shape { .. });
             let shape = e.unknown.as_ref().filter(|_| !said).map_or_else(String::new, |u| format!("; {}", u.told()));
@@ -137,6 +148,12 @@ fn sentence(e: &Explanation) -> String {
             format!("This record cannot decide what the model lacks: {}.", why.trim_end_matches('.'))
         }
     }
+}
+
+/// The number that decided, where it is not the one that tells what has changed.
+fn other_number(e: &Explanation) -> Option<&DecidedBy> {
+    let told_s = changed(e).map_or(e.gap.horizon_s, |c| c.horizon_s);
+    e.decided_by.as_ref().filter(|d| d.what != Criterion::Gap { horizon_s: told_s })
 }
 
 /// What a verdict rests on, where that is a part of the record.
@@ -156,8 +173,8 @@ fn depends_on_time(e: &Explanation) -> Option<&Changed> {
     }
 }
 
-/// A number above its limit.
-fn above(d: &DecidedBy) -> String {
+/// A number beside its limit.
+fn beside_limit(d: &DecidedBy) -> String {
     let (value, limit) = (significant(d.value, 3), significant(d.limit, 3));
     match d.what {
         Criterion::Gap { horizon_s } => format!(

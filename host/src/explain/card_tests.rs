@@ -92,6 +92,35 @@ fn open(what: Criterion, value: f64, reason: Reason) -> Explanation {
     e
 }
 
+/// Whatever the horizon of the gap: the JSON tells the same number.
+#[test]
+fn a_verdict_of_noise_tells_the_number_that_decided_it() {
+    let decided = |verdict: Verdict, what: Criterion, value: f64| {
+        let mut e = explained();
+        (e.verdict, e.decided_by) = (verdict, Some(DecidedBy { what, value, limit: 1.3 }));
+        card(&e, &rig()).verdict
+    };
+    let longer = Criterion::Gap { horizon_s: 1.068 };
+    assert_eq!(
+        decided(Verdict::NothingMissing, longer, 1.0005),
+        "Nothing is missing: predictions over 1.068 s miss by 1.00 times the sensors' noise (up to 1.30 would be noise)."
+    );
+    assert_eq!(
+        decided(Verdict::NothingMissing, Criterion::Power, 1.11),
+        "Nothing is missing: what is left has 1.11 times the power of the sensors' noise (up to 1.30 would be noise), and predictions over 0.2 s \
+         miss by 1.00 times the sensors' noise."
+    );
+    let told = decided(Verdict::Explained, longer, 1.2);
+    assert!(
+        told.ends_with(
+            "noise is left: predictions over 1.068 s miss by 1.20 times the sensors' noise (up to 1.30 would be noise)."
+        ),
+        "{told}"
+    );
+    let same = decided(Verdict::Explained, Criterion::Gap { horizon_s: 0.2 }, 1.0);
+    assert!(same.ends_with("instead of 4.50, and nothing but noise is left."), "{same}");
+}
+
 #[test]
 fn an_open_verdict_tells_the_number_that_decided_it() {
     let excess = || Reason::Excess { residual: residual(), shape: None, changed: None };
