@@ -73,12 +73,13 @@ fn rests_on(e: &Explanation) -> String {
         );
     }
     for f in &e.simulation {
-        let _ = writeln!(
-            out,
-            "error of one simulation to the record's end, its first {} % fitted{}:",
-            significant(100.0 * f.fitted, 2),
-            in_unit(&f.unit)
-        );
+        let fitted = significant(100.0 * f.fitted, 2);
+        let _ = write!(out, "error of one simulation to the record's end, its first {fitted} % fitted");
+        let _ = if f.steps.is_empty() {
+            writeln!(out, ": none, as no simulation follows the record that far")
+        } else {
+            writeln!(out, "{}:", in_unit(&f.unit))
+        };
         lines(&mut out, &f.steps);
     }
     if let Some(u) = &e.unknown {
@@ -138,5 +139,26 @@ fn departures(out: &mut String, places: &[Where], most: usize) {
             w.stretch(),
             w.residual(w.band)
         );
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::explain::engine::simulation::Simulation;
+
+    /// Steps that no simulation follows are left out of what is told.
+    #[test]
+    fn where_no_simulation_follows_the_record_that_is_said() {
+        let mut e = Explanation::new(0.2, Vec::new());
+        let of =
+            |fitted: f64, steps: Vec<Step>| Simulation { fitted, unit: "m".to_owned(), steps, parameters: Vec::new() };
+        e.simulation = vec![of(2.0 / 3.0, Vec::new()), of(0.75, vec![Step { added: None, value: 1.43 }])];
+        let told = rests_on(&e);
+        let lines: Vec<&str> = told.lines().collect();
+        let head = "error of one simulation to the record's end, its first";
+        assert_eq!(lines[0], format!("{head} 67 % fitted: none, as no simulation follows the record that far"));
+        assert_eq!(lines[1], format!("{head} 75 % fitted, in m:"));
+        assert!(lines.len() == 3 && lines[2].ends_with("1.43"), "{told}");
     }
 }

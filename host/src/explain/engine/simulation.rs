@@ -33,7 +33,8 @@ pub struct Simulation {
     /// Unit of the values.
     pub unit: String,
     /// Rms error over the rest, of the model as given and with everything that was added; the
-    /// greatest over the sensors. NaN where no simulation follows the record.
+    /// greatest over the sensors. Where no simulation follows the record there is no step in the
+    /// end, NaN until then.
     pub steps: Vec<Step>,
     /// The coefficients of the last step as fitted by this simulation; those of effects by
     /// `ID@PLACE` and a number.
