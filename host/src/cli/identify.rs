@@ -12,8 +12,8 @@ use crate::batch::row::Row;
 use crate::error::{BadInput, Result};
 use crate::identify::shooting::zeros::IDENTIFIED;
 use crate::identify::{
-    ERROR_BOUND, Identification, Settings, best::best, card::card, from_rows, harmonic_balance, identify, model_file,
-    presentation, shooting, slips,
+    Identification, Settings, best::best, card::card, from_rows, harmonic_balance, identify, model_file, presentation,
+    shooting, slips,
 };
 use crate::inspect::{InspectSettings, inspect};
 use crate::record::regression_rows::RowsRecord;
@@ -287,8 +287,8 @@ impl Single for Arguments {
 
     fn judge(&self, result: &Identification, lost: u64) -> Judgement {
         if !result.within_bound() {
-            let bound = 100.0 * ERROR_BOUND;
-            return Judgement::negative(Some(format!("the identification error exceeds its bound of {bound:.0} %")));
+            let bound = presentation::bounds(result);
+            return Judgement::negative(Some(format!("the identification error exceeds its bound of {bound}")));
         }
         // Rows tell themselves what is missing.
         self.stands(result, lost.max(result.record.lost))

@@ -27,7 +27,7 @@ pub(super) const MOST_SAMPLES: usize = 200_000;
 /// Warning of the weak form that more is left than the sensors' noise.
 pub(super) const MISSES_SOMETHING: &str = "model-misses-something";
 /// The same of shooting.
-const MORE_THAN_NOISE: &str = "more-than-noise";
+pub(super) const MORE_THAN_NOISE: &str = "more-than-noise";
 /// Warnings that its coefficients cannot be a rig's, which zeros that are off make as well.
 pub(super) const CANNOT_BE: [&str; 5] =
     ["tie-violated", "negative-damping", "negative-gravity", "negative-inertia", "negative-quantity"];

@@ -1,10 +1,10 @@
 //! The card of an identification: see [`crate::report::card`].
 
-use super::Identification;
-use super::best::{CANNOT_BE, MISSES_SOMETHING};
+use super::best::{CANNOT_BE, MISSES_SOMETHING, MORE_THAN_NOISE};
 use super::identifiability::{CORRELATION, RELATIVE_ERROR, size};
 use super::model_file::identified_model;
 use super::presentation::method_name;
+use super::{ERROR_BOUND, Identification};
 use crate::explain::card::equations;
 use crate::report::card::{Card, CardRow};
 use crate::rig::Rig;
@@ -65,16 +65,26 @@ fn sentence(result: &Identification) -> String {
             format!(", half of its parameters to no better than ± {percent} %")
         }
     });
-    let stands = if !result.within_bound() {
-        "but its equations do not balance on this record: something is missing, run `whirl explain`".to_owned()
-    } else if result.warnings.iter().any(|w| ["model-misses-something", "more-than-noise"].contains(&w.id)) {
-        "but these equations miss something: run `whirl explain`".to_owned()
-    } else if result.warnings.iter().any(|w| w.id == "misses-over-long") {
-        "but over long stretches these equations miss something faint: run `whirl explain`".to_owned()
+    format!("{system} was identified from {how}{precision}, {}.", stands(result))
+}
+
+/// Whether the equations describe the record, as the end of a sentence.
+fn stands(result: &Identification) -> &'static str {
+    let is_warned = |ids: &[&str]| result.warnings.iter().any(|w| ids.contains(&w.id));
+    if !result.within_bound() && result.details.expected_error.is_empty() {
+        // What the sensors make of it is not known.
+        "but its equations do not balance on this record: something is missing, or its sensors are noisy; run `whirl explain`"
+    } else if !result.within_bound() {
+        "but its equations do not balance on this record: something is missing, run `whirl explain`"
+    } else if is_warned(&[MISSES_SOMETHING, MORE_THAN_NOISE]) {
+        "but these equations miss something: run `whirl explain`"
+    } else if is_warned(&["misses-over-long"]) {
+        "but over long stretches these equations miss something faint: run `whirl explain`"
+    } else if result.identification_error.iter().any(|e| *e > ERROR_BOUND) {
+        "and its equations leave no more of the record than the sensors' noise explains"
     } else {
-        "and its equations describe the record".to_owned()
-    };
-    format!("{system} was identified from {how}{precision}, {stands}.")
+        "and its equations describe the record"
+    }
 }
 
 /// Whether several coefficients whose errors are correlated are each known all the same.
@@ -159,6 +169,26 @@ mod tests {
         let single = Identification { parameters, ..identified() };
         let said = card(&single, &rig()).verdict;
         assert!(said.contains("half of its parameters to ± 0.0026 % or better"), "{said}");
+    }
+
+    /// Of noisy sensors ε may be large where nothing is missing.
+    #[test]
+    fn what_the_sensors_leave_is_no_misfit() {
+        let said = |error: f64, expected: &[f64]| {
+            let mut result = Identification { identification_error: vec![error], ..identified() };
+            result.details.expected_error = expected.to_vec();
+            (result.within_bound(), card(&result, &rig()).verdict)
+        };
+        let (within, told) = said(1.45, &[1.70]);
+        assert!(within && told.ends_with("leave no more of the record than the sensors' noise explains."), "{told}");
+        let (within, told) = said(1.45, &[0.9]);
+        assert!(
+            !within && told.ends_with("do not balance on this record: something is missing, run `whirl explain`."),
+            "{told}"
+        );
+        let (within, told) = said(1.45, &[]);
+        assert!(!within && told.contains("or its sensors are noisy"), "{told}");
+        assert!(said(0.09, &[0.001]).0 && said(0.13, &[0.1]).0 && !said(f64::NAN, &[0.1]).0);
     }
 
     #[test]

@@ -40,7 +40,7 @@ const CLEAR: f64 = 4.0;
 /// drag of 2·10⁻⁶ N m s² gave 10⁻²⁰.
 pub(super) const CHANCE: f64 = 1e-6;
 /// Ratio of residual to noise power from which something besides noise is left, as in `explain`.
-const BESIDE_NOISE: f64 = 2.0;
+pub(super) const BESIDE_NOISE: f64 = 2.0;
 /// The same of one equation alone, four times what the sensors explain of it, and the share of its
 /// largest term from which that counts (by hand).
 const OF_ONE: f64 = 16.0;

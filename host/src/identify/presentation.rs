@@ -1,6 +1,6 @@
 //! An identification as report sections print it.
 
-use super::{ERROR_BOUND, Identification};
+use super::Identification;
 use crate::report::figures::residuals::EquationResiduals;
 use crate::report::sections::parameters::{Parameter, ParameterTable};
 use crate::report::sections::residuals::ResidualSet;
@@ -34,8 +34,15 @@ pub fn error(result: &Identification) -> String {
         } else {
             format!("; what this record's sensors leave is {}", list(expected))
         },
-        if result.within_bound() { String::new() } else { format!(" (up to {:.0} % is taken)", 100.0 * ERROR_BOUND) }
+        if result.within_bound() { String::new() } else { format!(" (up to {} is taken)", bounds(result)) }
     )
+}
+
+/// The bounds of the identification error, one where all equations have the same.
+pub fn bounds(result: &Identification) -> String {
+    let mut all: Vec<String> = result.error_bounds().iter().map(|b| percent(*b, 2)).collect();
+    all.dedup();
+    all.join(", ")
 }
 
 /// The parameter table; `truth` gives a parameter's true value where a simulation knows it.

@@ -2,6 +2,7 @@
 
 use serde::Serialize;
 
+use super::judgement::BESIDE_NOISE;
 use super::prepared::Geometry;
 use super::{harmonic_balance, noise_bias, regression, shooting, slips};
 use crate::model::parameter::Parameter;
@@ -176,8 +177,16 @@ impl Identification {
         self.parameters.iter().find(|p| p.name == name)
     }
 
+    /// The bound of each equation's ε: [`ERROR_BOUND`], or, where that is more, what the sensors'
+    /// noise makes of it with as much beside it as is taken for noise elsewhere.
+    pub fn error_bounds(&self) -> Vec<f64> {
+        let beyond = (BESIDE_NOISE * self.details.by_chance.max(1.0)).sqrt();
+        let of_noise = |e: usize| self.details.expected_error.get(e).copied().filter(|e| e.is_finite()).unwrap_or(0.0);
+        (0..self.identification_error.len()).map(|e| ERROR_BOUND.max(beyond * of_noise(e))).collect()
+    }
+
     /// Whether every equation's ε keeps its bound.
     pub fn within_bound(&self) -> bool {
-        self.identification_error.iter().all(|e| *e <= ERROR_BOUND)
+        self.identification_error.iter().zip(self.error_bounds()).all(|(e, bound)| *e <= bound)
     }
 }

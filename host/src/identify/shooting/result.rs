@@ -10,6 +10,7 @@ use super::super::judgement::{self, MISLEADING};
 use super::super::per_record::Split;
 use super::super::prepared::Prepared;
 use super::super::regression::{REPEATING, frequency_dots, identification_error};
+use super::super::remeasured::Sensors;
 use super::super::series::System;
 use super::super::stretches::Stretch;
 use super::super::{Identification, Residuals, identifiability, slips, weak_form, windows};
@@ -21,14 +22,27 @@ use crate::system::ties::Identified;
 use crate::warning::Warning;
 use crate::wording::format::significant;
 
+/// Standard errors by which residuals must exceed the sensors' noise, as in `explain`.
+const CLEAR: f64 = 4.0;
+
+/// Whether residuals of so many values are more than the noise of their sensor, the square of which
+/// is known to a share of it: of a few hundred samples no better than to a sixth.
+fn is_more(ratio: f64, square_error: f64, values: usize) -> bool {
+    let error = square_error.hypot((2.0 / values.max(1) as f64).sqrt());
+    ratio > MISSES && ratio * ratio > 1.0 + CLEAR * error
+}
+
 /// What a run makes one doubt; `worst`: its greatest residuals, in the sensors' noise; `is_balanced`:
 /// whether the balance of forces misses nothing beside the noise of inputs.
-fn doubts(outcome: &Outcome, worst: f64, inputs: &[Level], is_balanced: bool) -> Vec<Warning> {
-    let Outcome { fit, lost, rounds, covariance, .. } = outcome;
+fn doubts(outcome: &Outcome, worst: f64, sensors: &Sensors, is_balanced: bool) -> Vec<Warning> {
+    let Outcome { fit, lost, rounds, covariance, noise_ratio, values, .. } = outcome;
     let used = fit.states.len();
+    let inputs = &sensors.inputs;
     let mut warnings = Vec::new();
     let noisy = inputs.iter().any(|l| l.sigma() > 0.0);
-    if worst > MISSES && noisy && is_balanced {
+    let each = values / noise_ratio.len().max(1);
+    let more = noise_ratio.iter().zip(&sensors.square_error).any(|(ratio, error)| is_more(*ratio, *error, each));
+    if more && noisy && is_balanced {
         warnings.push(Warning::new(
             "input-noise",
             format!(
@@ -37,7 +51,7 @@ fn doubts(outcome: &Outcome, worst: f64, inputs: &[Level], is_balanced: bool) ->
             ),
             "Parameters may be off by more than their standard errors; a quieter input would tell more",
         ));
-    } else if worst > MISSES {
+    } else if more {
         let warning = Warning::new(
             "more-than-noise",
             format!("residuals are {worst:.1} times the sensors' noise: the model misses something"),
@@ -98,7 +112,7 @@ pub fn finish(
     let WrittenRig { rig, bound, .. } = written;
     let worst = outcome.noise_ratio.iter().copied().fold(0.0, f64::max);
     let is_balanced = first.warnings.iter().all(|w| w.id != MISSES_SOMETHING);
-    let doubts = doubts(&outcome, worst, &prepared.sensors.inputs, is_balanced);
+    let doubts = doubts(&outcome, worst, &prepared.sensors, is_balanced);
     let Outcome { fit, covariance, noise_ratio, lost, repetition, step_s, values, rounds, .. } = outcome;
     // Zeros are told apart from the equations' parameters.
     let own = |of: &DMatrix<f64>| of.view((0, 0), (names.len(), names.len())).into_owned();
@@ -183,4 +197,17 @@ fn balances(
         (identification_error(&rows, e, coefficients), residuals)
     };
     Ok(columns.iter().enumerate().map(one).unzip())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn residuals_are_more_than_noise_where_that_is_known_well_enough() {
+        // Of 421 samples the noise's square is known to 16 %, of a long record to 1 %.
+        assert!(!is_more(1.27, 0.164, 256) && is_more(1.5, 0.164, 256));
+        assert!(is_more(1.21, 0.01, 50_000) && !is_more(1.19, 0.01, 50_000));
+        assert!(!is_more(f64::NAN, 0.0, 0));
+    }
 }
