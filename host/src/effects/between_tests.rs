@@ -14,7 +14,7 @@ use crate::effects::catalogue;
 use crate::effects::columns::{Action, Span, action, columns};
 use crate::effects::written;
 use crate::model::model_file::ModelFile;
-use crate::model::model_file::expression::Node;
+use crate::model::model_file::expression::{Node, number};
 use crate::model::model_file::toml_place::Source;
 use crate::system::library;
 
@@ -185,4 +185,29 @@ fn written_equations_have_a_spring_in_both() {
     assert_eq!(places_of(m.file.as_ref().unwrap()), ["a-b", "a-c", "b-c"]);
     assert!(in_written(spring(), Place::Between(0, 1), &m).is_none());
     is_the_slope(&m, (0, 1), &Vec::new(), &own, &[1.0, 0.25, 1.0], true);
+}
+
+/// A play of a metre that is told in millimetres is the same play: four of a length's units are no
+/// other length, as four radians are another angle.
+#[test]
+fn a_state_that_follows_a_length_is_not_wrapped() {
+    let play = catalogue().iter().find(|e| e.id == "play").unwrap();
+    let m = derived(CARTS).mechanism.unwrap();
+    let parameters = vec![1.0; m.parameters.len()];
+    let form = play.forms().remove(0);
+    let found = action(play, &form, Place::Between(0, 1), &m, &parameters, 0.0, SPAN).unwrap().unwrap();
+    let seen = core::cell::Cell::new(0);
+    let _ = found.with_memories(&|memory, k| {
+        // Behind at ten units it is drawn along.
+        let rate = memory.rates()[k].value(&|s| match s {
+            Symbol::Coordinate(i) => [10.0, 0.0][i],
+            Symbol::Rate(i) => [1.0, 0.0][i],
+            Symbol::State(_) => 0.0,
+            _ => f64::NAN,
+        });
+        assert!((rate.abs() - 1.0).abs() < 1e-12, "{rate}");
+        seen.set(seen.get() + 1);
+        number(0.0)
+    });
+    assert_eq!(seen.get(), 1);
 }

@@ -158,6 +158,7 @@ pub fn action(
             let Ok(rate) = by_time(&moves, n, omega) else { return Ok(None) };
             let x = own_spring::displacement(file, &moves);
             words.scalars.extend([("x".to_owned(), x), ("v".to_owned(), rate)]);
+            words.on_line = !places::is_angle(file, &moves);
             if let (Place::Joint(k), true) = (place, entry.names(LOAD)) {
                 let mass = form.iter().find(|s| s.0 == MASS).map(|s| s.1);
                 let Some(load) = places::load(file, k, omega, mass) else { return Ok(None) };

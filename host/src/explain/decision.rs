@@ -5,6 +5,7 @@
 mod detection;
 mod evidence;
 mod pairs;
+mod told;
 
 use std::collections::BTreeMap;
 
@@ -14,7 +15,6 @@ use rayon::prelude::*;
 pub(super) use self::evidence::{Evidence, Rows};
 use super::explanation::{Ranked, Refused};
 use super::ranking::{self, Fit};
-use crate::wording::format::significant;
 
 /// Probability of naming anything on a record in which nothing is missing, over everything that is
 /// tried.
@@ -256,7 +256,7 @@ impl<'a> Field<'a> {
             } else if feigned.contains(&s.index) {
                 "records of the model without it, seen by the same sensors, show as much".to_owned()
             } else if s.p * tests >= OF_A_FAMILY {
-                format!("by chance with probability {}, and {tests} forms were tried", significant(s.p, 2))
+                told::by_chance(s.p, tests)
             } else if !self.stands(s) {
                 let share = 100.0 * s.gain * self.blocks / self.total;
                 let why = if self.is_something(s.gain) { "but not from block to block" } else { "as good as nothing" };

@@ -44,6 +44,9 @@ pub struct Words {
     pub points: Vec<(String, Vec<Polynomial>)>,
     /// Further names for numbers that vary: the vocabulary of an effect's law.
     pub scalars: Vec<(String, Polynomial)>,
+    /// Whether what these name lies on a line, where `wrap` leaves a number as it is: a length of
+    /// four units is no other one.
+    pub on_line: bool,
     /// Whether parameters may stand inside functions, since their values are put in before anything
     /// is evaluated.
     pub filled: bool,
@@ -320,6 +323,7 @@ impl Grammar for Scoped<'_> {
                 Ok(Value::Vector(if name == "along" { vec![sin, cos.scaled(-1.0)] } else { vec![cos, sin] }))
             }
             _ => match FUNCTIONS.iter().find(|f| f.0 == name) {
+                Some((_, Function::Wrap)) if self.0.on_line => Ok(Value::Scalar(last)),
                 Some((_, f)) => Ok(Value::Scalar(self.function(*f, last)?)),
                 None => Err(Fault::new(format!("the function \"{name}\""), "a function", "Correct the name")),
             },

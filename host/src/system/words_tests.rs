@@ -11,9 +11,18 @@ fn words() -> Words {
         parameters: vec!["k".into(), "l".into()],
         constants: vec![("N".into(), 50.0)],
         scalars: Vec::new(),
+        on_line: false,
         filled: false,
         points: vec![("base".into(), vec![Polynomial::number(0.0), Polynomial::motion(Symbol::Input(0))])],
     }
+}
+
+#[test]
+fn what_lies_on_a_line_is_not_wrapped() {
+    let line = Words { on_line: true, ..words() };
+    let read = |w: &Words, t: &str| parse(t, &Scoped(w, Scope::Motion)).unwrap_or_else(|m| panic!("{t}: {m:?}"));
+    assert_eq!(read(&line, "wrap(q - u)^2"), read(&line, "(q - u)^2"));
+    assert_ne!(read(&words(), "wrap(q - u)"), read(&words(), "q - u"));
 }
 
 #[test]
