@@ -9,8 +9,8 @@
 //! functions go up to a fifth of the rate and the pass band to two fifths.
 //!
 //! What is asked for may go farther than what is chosen: test functions up to an eighth of the rate
-//! (a quarter with inputs), the pass band up to two fifths. A window has 32 samples at least. What a
-//! free system's record is too short for is fitted to it ([`super::short_record`]).
+//! (a quarter with inputs), the pass band up to two fifths. A window has 32 samples at least. What
+//! a free system's record is too short for is fitted to it ([`super::short_record`]).
 
 use super::Settings;
 use super::free_geometry::{Kind, choose, narrowest_hz, within_gaps};

@@ -13,9 +13,9 @@
 //! set on 12 measured records and 12 simulated systems.
 //!
 //! A density is the mean over eight pieces or more. Where a record is too short for that, or its
-//! motion too slow to be seen in an eighth of it, four, two or one piece must do ([`AVERAGES`]): the
-//! motion begins then where m > 100 N, which noise in one bin of one piece does not reach, and if it
-//! begins in the lowest bin that can be told from a trend, longer pieces are looked at.
+//! motion too slow to be seen in an eighth of it, four, two or one piece must do ([`AVERAGES`]):
+//! the motion begins then where m > 100 N, which noise in one bin of one piece does not reach; if
+//! it lies in the lowest bin that can be told from a trend, longer pieces are looked at.
 //!
 //! Limits: one sensor at a time; motion that returns more than an octave above the last, fainter
 //! than an island, is taken for noise.

@@ -59,6 +59,18 @@ fn a_few_swings_are_identified_and_validated_without_options() {
     assert_ne!(valid.status, 2, "{valid:?}");
 }
 
+/// Too few to hold one back is no sign of a wrong unit.
+#[test]
+fn too_few_swings_are_not_told_as_swings_that_are_not_followed() {
+    let folder = tempfile::tempdir().unwrap();
+    write(folder.path());
+    let run = whirl(folder.path(), "explain r.csv --rig rig.toml --to 2.2 --json out.json");
+    let out = json(&folder.path().join("out.json"));
+    let reason = out["reason"].as_str().unwrap();
+    assert_eq!((run.status, &out["verdict"]), (1, &"not-decidable".into()), "{run:?}");
+    assert!(reason.contains("too few to hold some back") && !reason.contains("units and signs"), "{reason}");
+}
+
 /// Blocks are half a swing long where nine of 32 samples find no room.
 #[test]
 fn a_swing_that_has_stopped_decides() {

@@ -2,8 +2,8 @@
 
 use super::setting::Setting;
 
-/// Whether a motion that nothing drives is over: what its sensors would show after the record's end,
-/// however long that went on, is less than a mean one of so many blocks shows of it.
+/// Whether a motion that nothing drives is over: what its sensors would show after the record's
+/// end, however long that went on, is less than a mean one of so many blocks shows of it.
 pub fn is_over(setting: &Setting<'_>, blocks: usize) -> bool {
     if setting.rig.drive.is_some() || !setting.bound.inputs.is_empty() {
         return false;

@@ -162,6 +162,13 @@ fn attempt(
     if let Some(model) = &settings.model {
         given::take(&setting, &mut state, model)?;
     }
+    // Some are held back of every fit, which is none of fewer: whether the model follows the record
+    // is not known then.
+    let (most, block_s) = shooting::most_blocks(&setting, &state);
+    if setting.rig.drive.is_none() && most < ranking::FOLDS {
+        result.reason = Reason::Undecidable(few(&setting, records, most, block_s));
+        return Ok(Attempt::Done(Some(Box::new(result))));
+    }
     let given = settings.model.is_some().then(|| state.clone());
     if !settled(&mut setting, &mut state) {
         result.reason = Reason::Undecidable(Undecidable::Unfollowed);

@@ -4,27 +4,27 @@
 //! column and the target, rows of a block lose S K, S the state's. What blocks leave adds up to what
 //! the window leaves.
 //!
-//! A block has an initial state of its own over the shorter horizon. Fitted to four values for each of
-//! its numbers, that takes a quarter of what the block tells, and more of shorter ones: with a sensor
-//! for each coordinate a block has eight samples at least. What a model lacks is alike for half a
-//! swing; shorter blocks would leave in what is held out what was fitted beside it. Blocks of long
-//! records are longer; only where [`FEWEST_BLOCKS`] windows of 32 samples find no room are these the
-//! bounds.
+//! A block has an initial state of its own over the shorter horizon. Fitted to four values for each
+//! of its numbers, that takes a quarter of what the block tells, and more of shorter ones: with a
+//! sensor for each coordinate a block has eight samples at least. What a model lacks is alike for
+//! half a swing; shorter blocks would leave in what is held out what was fitted beside it. Blocks of
+//! long records are longer; only where [`FEWEST_BLOCKS`] windows of 32 samples find no room are
+//! these the bounds.
 
 use std::ops::Range;
 
 use nalgebra::DMatrix;
 
-use super::BLOCKS;
-use super::MOST_SAMPLES;
 use super::blocks::Part;
 use super::course::Course;
 use super::gram::Sums;
 use super::linear::Normal;
-use super::path::{FEWEST_SAMPLES, Path, Window, windows};
+use super::path::{FEWEST_SAMPLES, Path, Window, samples_of_path, windows};
+use super::{BLOCKS, MOST_SAMPLES, longest};
 use crate::explain::decidability::FEWEST_BLOCKS;
 use crate::explain::engine::prediction;
 use crate::explain::engine::setting::Setting;
+use crate::explain::engine::state::State;
 
 /// Blocks that a record should give where windows are fewer (by hand): probabilities by their scatter
 /// have that many degrees of freedom.
@@ -44,6 +44,16 @@ pub fn fewest_of_part(states: usize, sensors: usize, half_swing: f64) -> usize {
 /// Whether paths of so many samples have no room for the windows that decide.
 pub fn is_short(paths: &[usize]) -> bool {
     windows(paths, LONG_PART, MOST_SAMPLES).len() < FEWEST_BLOCKS
+}
+
+/// Blocks that a record has before anything is fitted, and the length of one, s.
+pub fn most_blocks(setting: &Setting<'_>, state: &State) -> (usize, f64) {
+    let kernels = &setting.geometry.kernels;
+    let lengths: Vec<usize> = state.stretches.iter().map(|s| samples_of_path(s, kernels)).collect();
+    let all = windows(&lengths, longest(setting, &lengths).max(1), MOST_SAMPLES);
+    let parts = blocks_of(setting, &all);
+    let samples = all.first().map_or(0, |w| w.count / parts);
+    (parts * all.len(), samples as f64 / setting.rig.sample_rate_hz)
 }
 
 /// How a window is cut.

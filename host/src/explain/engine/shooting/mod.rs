@@ -19,8 +19,8 @@
 //! as long as they can be followed, and those of the last length that do not stand still are left
 //! out, by convergence and never by misfit (a reversal that only just happens). Other windows grow
 //! while what is left of them is small beside the motion, and on with the model that gets better.
-//! Where a length is asked for they are as long as that, if the model follows them. A free motion too
-//! short for windows to decide is followed in whole stretches from the beginning ([`cut`]).
+//! Where a length is asked for they are as long as that, if the model follows them. A free motion
+//! too short for windows to decide is followed in whole stretches from the beginning ([`cut`]).
 //!
 //! | file | what |
 //! |---|---|
@@ -70,7 +70,7 @@ use nalgebra::{DMatrix, DVector};
 use self::blocks::Blocks;
 pub use self::coloured::{Coloured, coloured};
 use self::course::{Course, List};
-pub use self::cut::{LONG_PART, fewest_of_part, is_short};
+pub use self::cut::{LONG_PART, fewest_of_part, is_short, most_blocks};
 use self::linear::Linear;
 pub use self::path::samples_of_path;
 use self::path::{FEWEST_SAMPLES, Path, Window, windows};
