@@ -26,7 +26,7 @@ const STIFFNESS: f64 = 56.0;
 /// Six seconds at 30 Hz of a mass on a spring under dry friction alone, until it stops: between
 /// turning points a cosine about a rest that lies where friction and spring hold each other.
 fn write(folder: &Path) {
-    let (omega, rest, begin) = (STIFFNESS.sqrt(), 0.001, 0.03);
+    let (omega, rest, begin): (f64, f64, f64) = (STIFFNESS.sqrt(), 0.001, 0.03);
     let mut text = String::from("t,x\n");
     for i in 0..190_i32 {
         let t = f64::from(i) / 30.0;
