@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 
 use serde::Serialize;
 
-use self::columns::Seen;
+use self::columns::{Kind, Seen};
 use self::raw::Raw;
 use crate::error::{BadInput, Result, plain};
 use crate::record::names::{self, TimeChoice};
@@ -167,9 +167,14 @@ pub fn draft(path: &Path, settings: &Settings) -> Result<Draft> {
         return Ok(stored);
     }
     let raw = raw::read(path, settings)?;
-    let seen = columns::look(&raw);
+    let mut seen = columns::look(&raw);
     let (sample_rate_hz, why_rate) = raw::rate(&raw);
     let chosen = system::choose(&raw, &seen, settings)?;
+    // Whole numbers that the system makes counts of are an angle's from here on.
+    let is_counted = |s: &Seen| chosen.channels.iter().any(|c| c.name == s.name && c.unit == "count");
+    for s in seen.iter_mut().filter(|s| s.may_count && is_counted(s)) {
+        (s.kind, s.unit) = (Kind::Angle, "count");
+    }
     let mut why_time = raw.why.clone();
     why_time.push(why_rate);
     let stem = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());

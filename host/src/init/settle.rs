@@ -182,13 +182,11 @@ impl Open {
     }
 
     fn of(draft: &Draft, seen: &[Seen]) -> Self {
-        let all = |is_open: &dyn Fn(&DraftChannel, &Seen) -> bool| {
-            let of = |c: &DraftChannel| seen.iter().any(|s| s.name == c.name && is_open(c, s));
+        let all = |is_open: &dyn Fn(&Seen) -> bool| {
+            let of = |c: &DraftChannel| seen.iter().any(|s| s.name == c.name && is_open(s));
             (0..draft.channels.len()).filter(|k| of(&draft.channels[*k])).collect()
         };
-        // A system may have made counts of whole numbers.
-        let counts = all(&|c, s| c.unit == "count" && s.counts.is_none());
-        Self { counts, units: all(&|_, s| s.is_unit_open) }
+        Self { counts: all(&|s| s.unit == "count" && s.counts.is_none()), units: all(&|s| s.is_unit_open) }
     }
 }
 

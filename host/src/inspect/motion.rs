@@ -1,10 +1,9 @@
 //! Coordinates of a record: unwrapped displacements, derived absolute angles, velocities.
 //!
-//! Angles live on the circle. Between two samples an angle that is known modulo a turn
-//! moves by the shorter way round (so a rig that turns by half a turn between
-//! samples is beyond this program); one that is counted on stands. Where joint k's angle is
-//! measured relative to the arm before (`theta2`), the absolute angle φ_k = φ_{k−1} + θ_k is
-//! derived; φ1 is θ1.
+//! Angles live on the circle. Between two samples an angle that is known modulo a turn moves by the
+//! shorter way round (so a rig that turns by half a turn between samples is beyond this program);
+//! one that is counted on stands. Where joint k's angle is measured relative to the arm before
+//! (`theta2`), the absolute angle φ_k = φ_{k−1} + θ_k is derived; φ1 is θ1.
 //!
 //! Velocities for rms values and portraits are slopes of a cubic fitted to 2m + 1 samples (Savitzky
 //! and Golay 1964): v_n = Σ_i c_i x_{n+i}/h, c_i = (S6 i − S4 i³)/(S2 S6 − S4²), S_p = Σ i^p; m = 2
