@@ -94,6 +94,8 @@ pub(super) fn read(path: &Path, settings: &Settings) -> Result<Raw> {
         numbers.retain(|n| !sparse.contains(n));
         record = read_columns(path, &numbers, &time, settings)?;
     }
+    // What the head says of the time between rows is in seconds.
+    let is_counted = clock.is_none() && time.column.is_none();
     if let Some(name) = clock.clone() {
         // COLUMN:UNIT.
         let unit = time.column.as_ref().and_then(|c| c.strip_prefix(&name)?.strip_prefix(':'));
@@ -103,7 +105,7 @@ pub(super) fn read(path: &Path, settings: &Settings) -> Result<Raw> {
     let name = time.column.clone().or(clock).unwrap_or_else(|| "t".to_owned());
     // A column of dates says itself what it counts.
     let dated = listed.iter().any(|l| l.name == name && !l.is_number);
-    let said = dated || time.unit.is_some() || names::split(&name).1.is_some();
+    let said = dated || is_counted || time.unit.is_some() || names::split(&name).1.is_some();
     if !said && !LIKELY.contains(&record.sample_rate_hz) {
         other_unit(&mut record, &mut time, &mut why, &name);
     }

@@ -31,12 +31,12 @@ use super::lines::{Cells, LINE_LIMIT, Line, Lines};
 use super::names::TimeChoice;
 use super::rows::{Rows, sources};
 use super::stream::{Source, Streamed};
-use super::{Losses, Metadata, Record, segments};
+use super::{Losses, Metadata, Record, csv_time, segments};
 use crate::capture::interrupted::ticks_behind;
 use crate::error::{BadInput, Result};
 use crate::rig::Rig;
 use crate::warning::Warning;
-use crate::wording::format::several;
+use crate::wording::format::{several, shortest};
 
 /// Whole numbers up to which binary64 holds each.
 pub(super) const EXACT: f64 = 9_007_199_254_740_992.0;
@@ -112,14 +112,18 @@ impl<'a, R: BufRead> Reader<'a, R> {
     fn open(reader: R, path: &'a Path, rig: &Rig, options: &ReadOptions) -> Result<Self> {
         let mut lines = Lines::new(reader);
         let head = head(&mut lines, path, rig)?;
-        let layout = layout(&head, path, rig)?;
+        let layout =
+            layout(&head, path, rig).map_err(|e| csv_time::untold(e, &head, &lines.look_ahead(LOOK_AT), rig))?;
         let mut warnings = Vec::new();
         if head.passed_over > 0 {
             let (were, lines) = if head.passed_over == 1 { ("was", "line") } else { ("were", "lines") };
+            let apart =
+                |s: f64| format!("; no column holds the time, and rows are {} s apart, as these say", shortest(s));
+            let apart = layout.period_s.map(apart).unwrap_or_default();
             warnings.push(Warning::new(
                 "head-passed-over",
                 format!(
-                    "{} {lines} before the rows, which begin behind line {}, {were} passed over; the columns are {}",
+                    "{} {lines} before the rows, which begin behind line {}, {were} passed over; the columns are {}{apart}",
                     head.passed_over,
                     head.lines,
                     head.names.join(", ")

@@ -53,3 +53,37 @@ fn a_cause_that_shows_is_named() {
         assert!(e.contains("text in UTF-16") && e.contains("Save it as UTF-8") && e.contains("iconv -f UTF-16"), "{e}");
     }
 }
+
+#[test]
+fn what_an_instrument_writes_above_its_rows_is_understood() {
+    let rows = |f: &dyn Fn(usize) -> String| (0..40).map(|i| f(i) + "\n").collect::<String>();
+    // No time but for a line that says how far apart the rows are.
+    let values = rows(&|i| format!("{},0.{i:02}", (i * i) % 7));
+    let scope = format!("Scope,X\nSampling Period,2.000E-03,\nMode,Fast,\ncount1,angle\n{values}");
+    let r = read(scope.as_bytes()).unwrap();
+    assert!(r.samples() == 40 && (r.segments[0].step_s - 0.002).abs() < 1e-12, "{:?}", r.segments[0].step_s);
+    assert!(
+        r.warnings.iter().any(|w| w.id == "head-passed-over" && w.text.contains("0.002 s apart")),
+        "{:?}",
+        r.warnings
+    );
+    // A first line with the channels' names that is not the header row.
+    let dated = rows(&|i| format!("5/7/2021  09:59:46.{:03}000,{},0.{i:02}", 2 * i, (i * i) % 7));
+    let waves = "waveform,count1,angle\nt0,5/7/2021  09:59:46.000000,5/7/2021  09:59:46.000000\ndelta t,2E-3,2E-3\n\n";
+    let r = read(format!("{waves}time,count1,angle\n{dated}").as_bytes()).unwrap();
+    assert!(r.samples() == 40 && (r.segments[0].step_s - 0.002).abs() < 1e-9, "{:?}", r.segments[0].step_s);
+}
+
+#[test]
+fn a_column_that_does_not_increase_is_not_proposed_as_the_time() {
+    let told = |head: &str, row: &dyn Fn(usize) -> String| {
+        let text = format!("{head}\n{}", (0..40).map(|i| row(i) + "\n").collect::<String>());
+        read(text.as_bytes()).unwrap_err().to_string()
+    };
+    let e = told("count1,angle", &|i| format!("{},0.{i:02}", i / 3));
+    assert!(e.contains("If the column angle holds the time"), "{e}");
+    let e = told("count1,angle", &|i| format!("{},0.7", i / 3));
+    assert!(e.contains("No column increases from row to row") && !e.contains("--time"), "{e}");
+    let e = told("count1,angle,clock", &|i| format!("{i},0.7,{}", 2 * i));
+    assert!(e.contains("--time \"clock\""), "{e}");
+}

@@ -6,13 +6,15 @@
 //!   dates) all of them. The line before the first of them is the header row where it has as many
 //!   cells and is not all numbers; a line of units may stand between. Lines before that (of an
 //!   instrument, say) are passed over. Without such a line the columns are c1, c2, ….
+//! - A first line that names the rig's channels alone is it where no line above the rows names the
+//!   time besides.
 //! - A line that begins with `#` or `%` is a comment; the last one before the rows may be the
 //!   header row.
 
 use super::csv_write::is_formula;
-use super::dates;
 use super::lines::Cells;
 use super::names::{self, TimeChoice};
+use super::{csv_time, dates};
 
 /// Lines that are looked at.
 pub(super) const LOOK_AT: usize = 100;
@@ -22,7 +24,7 @@ const ROWS: usize = 3;
 const DELIMITERS: [u8; 4] = [b',', b';', b'\t', b' '];
 
 /// What the head says.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(super) struct Head {
     pub(super) delimiter: u8,
     /// Names of the columns.
@@ -33,6 +35,8 @@ pub(super) struct Head {
     pub(super) passed_over: usize,
     /// Cells of every row that was looked at, where these are not as many as the names.
     pub(super) row_cells: Option<usize>,
+    /// Time from row to row, s, where a line before them says it.
+    pub(super) period_s: Option<f64>,
 }
 
 /// Whether a line holds no row: blank, or a comment.
@@ -86,7 +90,21 @@ fn cells(line: &[u8], delimiter: u8) -> Option<Vec<Vec<u8>>> {
 /// that the rig file names.
 pub(super) fn find(lines: &[&[u8]], time: &TimeChoice, wanted: &[&str]) -> Option<Head> {
     let first = lines.iter().position(|l| !is_no_row(l))?;
-    header_first(lines, first, time, wanted).or_else(|| above_rows(lines))
+    let header = header_first(lines, first, time, wanted);
+    let head = match header {
+        Some(head) if names_time(&head.names, time) => Some(head),
+        Some(head) => above_rows(lines).filter(|h| names_time(&h.names, time)).or(Some(head)),
+        None => above_rows(lines),
+    };
+    head.map(|head| Head { period_s: csv_time::period(&lines[..head.lines], head.delimiter), ..head })
+}
+
+/// Whether columns are called so that one is the time, as it is chosen or may be found.
+fn names_time(names: &[String], time: &TimeChoice) -> bool {
+    match &time.column {
+        Some(c) => names.contains(c) || c.rsplit_once(':').is_some_and(|(c, _)| names.iter().any(|n| n == c)),
+        None => names.iter().any(|n| names::is_time(n)),
+    }
 }
 
 /// The first line, where it names the time (or every channel).
@@ -97,30 +115,26 @@ fn header_first(lines: &[&[u8]], first: usize, time: &TimeChoice, wanted: &[&str
         .filter(|d| lines[first].contains(d))
         .filter_map(|d| Some((d, as_names(&cells(lines[first], d)?))))
         .filter(|(_, names)| {
-            let timed = match &time.column {
-                Some(c) => names.contains(c) || c.rsplit_once(':').is_some_and(|(c, _)| names.iter().any(|n| n == c)),
-                None => names.iter().any(|n| names::is_time(n)),
-            };
-            timed || (!wanted.is_empty() && wanted.iter().all(|w| names.iter().any(|n| n == w)))
+            names_time(names, time) || (!wanted.is_empty() && wanted.iter().all(|w| names.iter().any(|n| n == w)))
         })
         .collect();
     let fits = |d: u8, n: usize| next.is_some_and(|l| cells(l, d).is_some_and(|c| c.len() == n));
     let (delimiter, names) =
         named.iter().find(|(d, names)| fits(*d, names.len())).or_else(|| named.iter().find(|(d, _)| *d != b' '))?;
-    let mut head =
-        Head { delimiter: *delimiter, names: names.clone(), lines: first + 1, passed_over: 0, row_cells: None };
+    let (delimiter, names) = (*delimiter, names.clone());
+    let mut head = Head { delimiter, names, lines: first + 1, passed_over: 0, row_cells: None, period_s: None };
     // A line of units may follow it.
     if let Some((i, units)) = lines
         .iter()
         .enumerate()
         .skip(first + 1)
         .find(|(_, l)| !is_no_row(l))
-        .and_then(|(i, l)| Some((i, cells(l, *delimiter).filter(|c| c.len() == names.len() && are_units(c))?)))
+        .and_then(|(i, l)| Some((i, cells(l, delimiter).filter(|c| c.len() == head.names.len() && are_units(c))?)))
     {
-        head.names = with_units(names, &units);
+        head.names = with_units(&head.names, &units);
         head.lines = i + 1;
     }
-    head.row_cells = row_cells(&lines[head.lines..], *delimiter).filter(|n| *n != names.len());
+    head.row_cells = row_cells(&lines[head.lines..], delimiter).filter(|n| *n != head.names.len());
     Some(head)
 }
 
@@ -168,7 +182,8 @@ fn above_rows(lines: &[&[u8]]) -> Option<Head> {
         }
     }
     let before = lines[..row].iter().filter(|l| !is_no_row(l)).count();
-    Some(Head { delimiter, names, lines: row, passed_over: before.saturating_sub(used), row_cells: None })
+    let passed_over = before.saturating_sub(used);
+    Some(Head { delimiter, names, lines: row, passed_over, row_cells: None, period_s: None })
 }
 
 /// The first of lines that are rows at this delimiter, and how many cells they have.
@@ -235,7 +250,8 @@ fn as_names(cells: &[Vec<u8>]) -> Vec<String> {
 /// it.
 pub(super) fn plain(line: &[u8]) -> Option<Head> {
     let delimiter = DELIMITERS[..3].iter().copied().find(|d| line.contains(d)).unwrap_or(b',');
-    Some(Head { delimiter, names: as_names(&cells(line, delimiter)?), lines: 1, passed_over: 0, row_cells: None })
+    let names = as_names(&cells(line, delimiter)?);
+    Some(Head { delimiter, names, lines: 1, passed_over: 0, row_cells: None, period_s: None })
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use super::csv::{EXACT, OWN_COLUMNS};
 use super::csv_head::{self, Head, is_missing, number_of};
 use super::formats::shown;
 use super::lines::Cells;
-use super::names::TimeChoice;
+use super::names::{TimeChoice, TimeColumn};
 use super::rows::{Cell, Rows, sources};
 use super::{Column, dates, names};
 use crate::error::{BadInput, Result, plain};
@@ -30,6 +30,8 @@ pub(super) struct Layout {
     pub(super) t: usize,
     pub(super) time: String,
     pub(super) per_second: f64,
+    /// Time from row to row, s, where no column has the time and the head says it.
+    pub(super) period_s: Option<f64>,
     pub(super) channels: Vec<usize>,
     pub(super) own: Option<[usize; 3]>,
 }
@@ -56,7 +58,12 @@ pub(super) fn layout(head: &Head, path: &Path, rig: &Rig) -> Result<Layout> {
     let t = names::time_column(names, &rig.time, path).or_else(|e| match own {
         Some(_) => names::time_column(names, &TimeChoice::default(), path).map_err(|_| e),
         None => Err(e),
-    })?;
+    });
+    // Without a column a cell of the time is none.
+    let is_named = rig.time.column.is_some() || names.iter().any(|n| names::is_time(n));
+    let period_s = head.period_s.filter(|_| t.is_err() && !is_named);
+    let counted = || TimeColumn { index: usize::MAX, name: "t".to_owned(), per_second: None };
+    let t = t.or_else(|e| if period_s.is_some() { Ok(counted()) } else { Err(e) })?;
     let per_second = t.per_second.unwrap_or(1.0);
     let channels = names::find_all(names, &sources(rig).columns, path)?;
     let mended = head.row_cells.map(|n| mended(names, n, char::from(head.delimiter)));
@@ -67,6 +74,7 @@ pub(super) fn layout(head: &Head, path: &Path, rig: &Rig) -> Result<Layout> {
         t: t.index,
         time: t.name,
         per_second,
+        period_s,
         channels,
         own,
     })
@@ -105,7 +113,10 @@ pub(super) fn parse(
         ));
     }
     let comma = csv_head::decimal_comma(layout.delimiter);
-    (row.t, row.tick) = time_of(number, cells.get(layout.t), layout, rows)?;
+    (row.t, row.tick) = match layout.period_s {
+        Some(period_s) => ((rows.passed + rows.t.len()) as f64 * period_s, None),
+        None => time_of(number, cells.get(layout.t), layout, rows)?,
+    };
     rows.check_time(number, row.t).map_err(|e| midnight(e, cells.get(layout.t), row.t, rows))?;
     row.cells.clear();
     for (k, &place) in layout.channels.iter().enumerate() {

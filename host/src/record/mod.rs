@@ -13,6 +13,7 @@ mod computing;
 mod csv;
 mod csv_head;
 mod csv_row;
+mod csv_time;
 pub(crate) mod csv_write;
 pub mod cut;
 mod damage;
