@@ -158,7 +158,7 @@ def explain(*records: Source, rig: Optional[Name] = None, model: AnyModel = None
 
 
 def validate(*records: Source, rig: Optional[Name] = None, model: AnyModel = None, free: Optional[Source] = None, tolerance_deg: Optional[float] = None, starts: Optional[int] = None,
-             seed: Optional[int] = None, bifurcation: Optional[Mapping[str, tuple[float, float]]] = None, time: Optional[str] = None,
+             seed: Optional[int] = None, window_s: Optional[float] = None, bifurcation: Optional[Mapping[str, tuple[float, float]]] = None, time: Optional[str] = None,
              map: Map = None, recover: bool = False, resample: bool = False, from_: Optional[float] = None, to: Optional[float] = None,
              strict: bool = False, report: Optional[Name] = None, force: bool = False) -> Validation:
     """Whether a model moves as the measured system does: ``whirl validate``.

@@ -157,7 +157,13 @@ pub fn geometry(
         period_s,
     };
     // Windows under a drive are whole numbers of its periods.
-    Ok(if rig.drive.is_some() { chosen.geometry() } else { short_record::fitted(&chosen, settings, stretches_s) })
+    if rig.drive.is_some() {
+        return Ok(chosen.geometry());
+    }
+    let fitted = short_record::fitted(&chosen, settings, stretches_s);
+    // What stands for a period goes with the window.
+    let period_s = band.map_or(fitted.windows.length_s / DRIVE_PERIODS, |_| period_s);
+    Ok(Geometry { period_s, swing_s: period_s, ..fitted })
 }
 
 #[cfg(test)]
