@@ -50,12 +50,12 @@ fn write(folder: &Path) {
 fn a_few_swings_are_identified_and_validated_without_options() {
     let folder = tempfile::tempdir().unwrap();
     write(folder.path());
-    let found = whirl(folder.path(), "identify r.csv --rig rig.toml --to 3 -o model.toml --json out.json");
+    let found = whirl(folder.path(), "identify r.csv --rig rig.toml --to 4.5 -o model.toml --json out.json");
     assert_ne!(found.status, 2, "{found:?}");
     let out = json(&folder.path().join("out.json"));
     let stiffness = out["parameters"][0]["value"].as_f64().unwrap();
     assert!((stiffness / STIFFNESS - 1.0).abs() < 0.05, "{stiffness}");
-    let valid = whirl(folder.path(), "validate r.csv --rig rig.toml --to 3 --model model.toml");
+    let valid = whirl(folder.path(), "validate r.csv --rig rig.toml --to 4.5 --model model.toml");
     assert_ne!(valid.status, 2, "{valid:?}");
 }
 
