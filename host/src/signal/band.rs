@@ -137,7 +137,7 @@ fn looked_at<'a>(
         found.map_or(thirds[first].hz, |k| k as f64 * bin_hz)
     };
     let is_last = averages <= AVERAGES[AVERAGES.len() - 1];
-    if whole <= 0.0 {
+    if whole.is_nan() || whole <= 0.0 {
         return None;
     }
     let dominant_hz = share(0.5);
