@@ -258,7 +258,10 @@ pub(super) fn few_windows(solution: &Solution, windows: usize) -> Option<Warning
     (solution.blocks == 0).then(|| {
         Warning::new(
             "few-windows",
-            format!("{windows} windows are too few to measure how residuals scatter"),
+            match windows {
+                1 => "one window is too few to measure how residuals scatter".to_owned(),
+                n => format!("{n} windows are too few to measure how residuals scatter"),
+            },
             "Standard errors assume white sensor noise; record longer",
         )
     })

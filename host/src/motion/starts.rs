@@ -46,6 +46,14 @@ pub struct RecordTrack<'a> {
     pub track: &'a Track<'a>,
 }
 
+/// Samples that a start needs where the longest stretch has so many: its fit and a quarter of the
+/// longest prediction behind it; half of a short record, which has no room for that, and the fit
+/// twice at least.
+fn least_room(stretch: usize, fit: usize, longest: usize) -> usize {
+    let wished = fit + longest.saturating_sub(fit) / 4;
+    if stretch > wished { wished } else { (stretch / 2).max(2 * fit) }
+}
+
 /// A model that is followed from many places.
 pub struct Starts<'a> {
     /// Its equations.
@@ -118,9 +126,8 @@ impl<'a> Starts<'a> {
     pub fn pieces(&self, record: RecordTrack<'_>) -> (Vec<Piece>, Vec<Vec<f64>>) {
         let track = record.track;
         let (fit, longest) = (self.samples(FIT_PERIODS, track), self.samples(FIT_PERIODS + LONGEST_PERIODS, track));
-        // A start needs room for more than its fit.
-        let least = fit + (longest - fit) / 4;
         let lengths: Vec<usize> = (0..record.stretches.len()).map(|k| track.samples(k)).collect();
+        let least = least_room(lengths.iter().copied().max().unwrap_or(0), fit, longest);
         let room: Vec<usize> = lengths.iter().map(|n| n.saturating_sub(least)).collect();
         let all: usize = room.iter().sum();
         let every = all.div_ceil(self.most).max(self.samples(1.0, track)).max(1);
@@ -154,5 +161,17 @@ pub fn period_s(rig: &Rig, prepared: &Prepared) -> f64 {
         (Some(d), _) => 1.0 / d.frequency_hz,
         (None, None) => FREE_PERIOD_S,
         (None, Some(_)) => (windows.length_s / windows.frequencies as f64).max(FEWEST_SAMPLES / rig.sample_rate_hz),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two periods of 20 samples are fitted, sixty predicted.
+    #[test]
+    fn a_short_record_has_starts() {
+        let of = |stretch| least_room(stretch, 40, 1240);
+        assert_eq!([341, 340, 200, 100].map(of), [340, 170, 100, 80]);
     }
 }

@@ -61,6 +61,7 @@ use crate::phase_space::poincare_section::Section;
 use crate::phase_space::survey;
 use crate::record::Record;
 use crate::rig::{Rig, as_own};
+use crate::wording::format::in_seconds;
 
 /// Longest record that the model makes, samples.
 const MOST_SAMPLES: usize = 120_000;
@@ -201,10 +202,20 @@ pub fn validate(
     };
     out.horizon.median_lyapunov_times = out.horizon.lyapunov_times(out.lyapunov.as_ref());
     out.checks = checks::checks(&out);
+    if out.checks.is_empty() {
+        return Err(nothing_begins(out.horizon.fit_s).in_file(&like.path).into());
+    }
     if out.checks.iter().any(|c| !c.passed) {
         out.verdict = Verdict::Failed;
     }
     Ok(out)
+}
+
+/// Where no part of a record has room for a prediction, and nothing could be checked.
+fn nothing_begins(fit_s: f64) -> BadInput {
+    let expected = format!("one longer than twice the {} over which a state is fitted", in_seconds(fit_s));
+    BadInput::new("no stretch in which a prediction begins", expected)
+        .remedy("Record longer, or several times, or give a shorter window with --window-s")
 }
 
 fn unable() -> BadInput {

@@ -270,7 +270,10 @@ fn start(setting: &Setting<'_>, first: &Identification, physical: Physical) -> O
 /// Whole windows in the record, or what is held out of them, and their length, s.
 fn whole_windows(setting: &Setting<'_>, state: &State) -> (usize, f64) {
     if let (true, Some(followed)) = (setting.shooting, &state.followed) {
-        return followed.blocks(setting);
+        let (count, length_s) = followed.blocks(setting);
+        let step_s = setting.raw.first().map_or(1.0, |s| s.step_s);
+        // Predictions are made within the shortest block of a window that is cut.
+        return (count, (length_s / step_s + 1e-6).floor() * step_s);
     }
     let window_s = setting.geometry.windows.length_s;
     (setting.raw.iter().map(|s| (s.len() as f64 * s.step_s / window_s) as usize).sum(), window_s)
