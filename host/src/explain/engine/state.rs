@@ -223,7 +223,12 @@ impl State {
     /// The model's equations of motion at the coefficients `x` (the equations' own, then strengths)
     /// of the first record, which take the states of effects from it.
     pub fn motion(&self, setting: &Setting<'_>, x: &DVector<f64>) -> Option<Moving> {
-        self.moving(setting, x, 0, None)
+        self.motion_of(setting, x, 0)
+    }
+
+    /// The same of any record.
+    pub fn motion_of(&self, setting: &Setting<'_>, x: &DVector<f64>, record: usize) -> Option<Moving> {
+        self.moving(setting, x, record, None)
     }
 
     /// The same of any record for a free run, which follows the states of effects with its own

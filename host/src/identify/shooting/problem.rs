@@ -99,6 +99,23 @@ impl<D: Dynamics + ?Sized> Problem<'_, D> {
         if with_parameters { Work::by_all(self.dynamics) } else { Work::by_state(self.dynamics) }
     }
 
+    /// Coordinates and rates at every sample of a piece, from a state on; none where the equations have
+    /// no solution.
+    pub fn course(&self, piece: &Piece, state: &[f64], parameters: &[f64]) -> Option<Vec<f64>> {
+        let mut work = Work::plain(self.dynamics);
+        work.set(state);
+        let flow = self.flow(piece, parameters);
+        let mut out = state.to_vec();
+        for i in 1..self.samples(piece) {
+            let start_s = piece.start_s + (i - 1) as f64 * self.spacing_s;
+            if !flow.carry(&mut work, start_s, self.spacing_s) {
+                return None;
+            }
+            out.extend_from_slice(work.state());
+        }
+        Some(out)
+    }
+
     /// A piece's share at an initial state; None where the equations have no solution there.
     pub fn share(&self, piece: &Piece, state: &[f64], parameters: &[f64], work: &mut Work) -> Option<Share> {
         let n = self.dynamics.degrees_of_freedom();

@@ -38,12 +38,14 @@
 //! | [`coloured`](mod@coloured) | the sensors' noise where the record was smoothed |
 //! | [`quieter`](mod@quieter) | the sensors' noise where it was taken for too much |
 //! | [`remade`](mod@remade) | what is left of records that the model itself makes |
+//! | [`astray`](mod@astray) | windows that were led to another solution |
 //! | [`stage`](mod@stage) | windows of one length until they stand still |
 //! | [`steps`] | steps of integration that do not show |
 //! | [`signs`] | coefficients that keep their sign |
 //! | [`window_inputs`] | time, phase, inputs along a window |
 
 pub mod adjoint;
+mod astray;
 pub mod blocks;
 mod by_inertia;
 mod coloured;
@@ -97,9 +99,6 @@ const STAGES: [f64; 3] = [0.25, 0.5, 1.0];
 const PASSES: [usize; 3] = [2, 2, 5];
 /// Longest window under a drive, in its periods (by hand).
 const MOST_PERIODS: usize = 8;
-/// What is left of a window, beside the median of all, from which its path is taken to have been
-/// led astray (by hand).
-const ASTRAY: f64 = 10.0;
 /// What is left of windows, as a share of the motion's rms, from which longer ones would be
 /// linearised too far from what the model does (by hand).
 const FAR: f64 = 0.15;
@@ -255,7 +254,7 @@ pub fn settle(setting: &Setting<'_>, state: &mut State) -> Option<(DVector<f64>,
         let all: Vec<(usize, usize)> = std::iter::once((length, PASSES[2])).chain(longer).collect();
         grown(setting, state, f, &all)
     });
-    let goes_on = goes_on.map(|found| back_from_astray(setting, state, found));
+    let goes_on = goes_on.map(|found| astray::back(setting, state, found));
     let (followed, x, covariance) = goes_on.or_else(|| {
         let fresh = Followed {
             paths: state.stretches.iter().map(|s| Path::smoothed(s, &setting.geometry.kernels)).collect(),
@@ -274,35 +273,6 @@ pub fn settle(setting: &Setting<'_>, state: &mut State) -> Option<(DVector<f64>,
 
 /// A fit in windows: paths, coefficients, covariance.
 type Fitted = (Followed, Vec<f64>, DMatrix<f64>);
-
-/// Where a few windows are left far worse than the others, once more with these about the smoothed
-/// record, and with what effects remember of it: a path that was settled with another model may lead
-/// to another solution. Kept where less is left.
-fn back_from_astray(setting: &Setting<'_>, state: &State, found: Fitted) -> Fitted {
-    let (followed, ..) = &found;
-    let mut sorted: Vec<f64> = followed.left.iter().copied().filter(|l| l.is_finite()).collect();
-    sorted.sort_by(f64::total_cmp);
-    let Some(&middle) = sorted.get(sorted.len() / 2) else { return found };
-    let far: Vec<bool> = followed.left.iter().map(|l| *l > ASTRAY * middle.max(1.0)).collect();
-    let (Some(length), true) = (followed.length, far.contains(&true)) else { return found };
-    let m = 2 * setting.circle.len();
-    let lengths: Vec<usize> = followed.paths.iter().map(|p| p.len(m / 2)).collect();
-    let windows = windows(&lengths, length, MOST_SAMPLES);
-    let mut again = followed.clone();
-    for (k, (s, path)) in state.stretches.iter().zip(&mut again.paths).enumerate() {
-        let smoothed = Path::smoothed(s, &setting.geometry.kernels);
-        for (w, _) in windows.iter().zip(&far).filter(|(w, far)| **far && w.stretch == k) {
-            let range = m * w.first..m * (w.first + w.count);
-            path.states[range.clone()].copy_from_slice(&smoothed.states[range]);
-        }
-    }
-    let mut remembering = state.clone();
-    remember(setting, &mut remembering, &again);
-    match grown(setting, &remembering, again, &[(length, PASSES[2])]) {
-        Some(back) if back.0.left() < followed.left() => back,
-        _ => found,
-    }
-}
 
 /// Follows the states of effects in the model along the windows' own motion: that of the record is
 /// blurred where a velocity turns its sign.
