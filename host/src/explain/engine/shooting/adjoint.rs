@@ -106,6 +106,10 @@ impl Ground<'_> {
             let states = path.of(w, course.setting.circle.len());
             let measured = course.measured(path, w, states, &list);
             let products = linear.products(states, &alpha, own, columns, &measured);
+            // Together what finer steps have, so that all windows have as many points to a sample.
+            let by = path.fineness(w);
+            let together = |p: Vec<f64>| -> Vec<f64> { p.chunks(by).map(|some| some.iter().sum()).collect() };
+            let products = products.into_iter().map(together).collect();
             Some(Pulled { stretch: w.stretch, first: path.first + w.first, products })
         };
         Some(windows.par_iter().zip(linear).zip(forced).filter_map(of).collect())

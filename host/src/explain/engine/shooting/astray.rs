@@ -1,10 +1,11 @@
 //! Windows whose paths were led to another solution of the model than the record's: a path that was
 //! settled with another model, or a velocity that only just reaches zero, which a linearisation
-//! leaves on the side where it is.
+//! leaves on the side where it is, and a step of integration passes over where it turns back at
+//! once.
 //!
 //! Where a few windows are left worse than the others, each is followed by a simulation whose
-//! initial state is fitted over longer and longer beginnings; what comes nearer to the record is
-//! linearised about instead. Far worse ones that no simulation follows begin at the smoothed record
+//! initial state is fitted over longer and longer beginnings, with finer steps; what comes nearer to
+//! the record is linearised about instead, with these. Far worse ones that no simulation follows begin at the smoothed record
 //! again.
 
 use nalgebra::DVector;
@@ -12,7 +13,7 @@ use rayon::prelude::*;
 
 use super::super::setting::Setting;
 use super::super::state::{Moving, State};
-use super::path::{FEWEST_SAMPLES, Path, Window, windows};
+use super::path::{FEWEST_SAMPLES, FINER, Path, Window, windows};
 use super::{Fitted, Followed, MOST_SAMPLES, PASSES, grown, remember};
 use crate::identify::track::Track;
 
@@ -54,7 +55,10 @@ pub fn back(setting: &Setting<'_>, state: &State, found: Fitted) -> Fitted {
         let range = 2 * n * w.first..2 * n * (w.first + w.count);
         let to = &mut again.paths[w.stretch].states[range.clone()];
         match states {
-            Some(states) => to.copy_from_slice(states),
+            Some(states) => {
+                to.copy_from_slice(states);
+                again.paths[w.stretch].finer.push(w.first..w.first + w.count);
+            }
             None if *far => to.copy_from_slice(&smoothed[w.stretch].states[range]),
             None => {}
         }
@@ -83,7 +87,7 @@ fn simulated(
         let record = setting.record_of.get(w.stretch).copied().unwrap_or(0);
         let Moving { equations, parameters, .. } = state.motion_of(setting, &x, record)?;
         let at = |t: f64, out: &mut [f64]| track.inputs(t, out);
-        let problem = track.problem(&equations, track.spacing_s / setting.points as f64, &at);
+        let problem = track.problem(&equations, track.spacing_s / (FINER * setting.points) as f64, &at);
         let path = &followed.paths[w.stretch];
         let (piece, guess) = track.piece(w.stretch, path.first + w.first, w.count)?;
         let doubled = (0..usize::BITS).map(|k| FEWEST_SAMPLES << k).take_while(|l| *l < w.count);

@@ -140,7 +140,7 @@ impl<'a> Course<'a> {
             between: &self.between[w.stretch],
             first: path.first + w.first,
             omega: self.omega,
-            points: self.points,
+            points: self.points * path.fineness(w),
         }
     }
 

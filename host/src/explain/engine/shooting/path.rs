@@ -4,6 +4,8 @@
 //! At first the record's own low-passed coordinates and their slopes; then what the model's
 //! linearised solutions are, window by window.
 
+use std::ops::Range;
+
 use crate::identify::stretches::Stretch;
 use crate::identify::windows::Kernels;
 
@@ -22,7 +24,14 @@ pub struct Path {
     pub first: usize,
     /// Coordinates, then rates, 2n for each sample.
     pub states: Vec<f64>,
+    /// Samples over which steps of integration are finer: a velocity turns there, and turns back,
+    /// within one.
+    pub finer: Vec<Range<usize>>,
 }
+
+/// By how much steps are finer there (by hand: a velocity that turns for a tenth of a sample leaves a
+/// hundredth of the impulse that friction gives in one).
+pub const FINER: usize = 8;
 
 impl Path {
     /// The smoothed record.
@@ -39,7 +48,13 @@ impl Path {
                 states[2 * n * i + n + k] = *v;
             }
         }
-        Self { first: reach, states }
+        Self { first: reach, states, finer: Vec::new() }
+    }
+
+    /// By how much steps of integration are finer in a window.
+    pub fn fineness(&self, w: &Window) -> usize {
+        let overlaps = |r: &Range<usize>| r.start < w.first + w.count && w.first < r.end;
+        if self.finer.iter().any(overlaps) { FINER } else { 1 }
     }
 
     /// States of a window.
@@ -82,6 +97,13 @@ pub fn windows(lengths: &[usize], length: usize, most: usize) -> Vec<Window> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn windows_that_reach_into_a_part_have_its_steps() {
+        let path = Path { first: 0, states: Vec::new(), finer: vec![100..200] };
+        let of = |first, count| path.fineness(&Window { stretch: 0, first, count });
+        assert_eq!([of(0, 100), of(50, 51), of(150, 20), of(199, 100), of(200, 100)], [1, FINER, FINER, FINER, 1]);
+    }
 
     #[test]
     fn windows_share_a_stretch_evenly() {
