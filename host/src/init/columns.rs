@@ -19,6 +19,9 @@ const ANGLES: [&str; 19] = [
 /// numbers alone may as well be pixels of a camera or levels of a converter.
 const COUNTERS: [&str; 8] = ["enc", "count", "cnt", "tick", "pulse", "incr", "zähl", "quad"];
 const COUNTING: [&str; 4] = ["encoder", "counts", "pos_raw", "raw_pos"];
+/// Levels of a converter of 16 bits: no camera and few converters have more, an encoder that is
+/// counted on over turns soon has.
+const MOST_LEVELS: f64 = 65_536.0;
 /// Functions that give an angle.
 const INVERSE: [&str; 4] = ["atan2", "atan", "asin", "acos"];
 /// Units that an angle may be in, where neither its name nor its values say which.
@@ -241,7 +244,8 @@ fn by_values(seen: &mut Seen, parts: &[&[f64]], e: Extent) {
     let called = ANGLES.iter().any(|a| small.contains(a));
     let whole = parts.iter().all(|p| p.iter().all(|x| x.fract() == 0.0));
     if whole && e.high - e.low > MARKS {
-        if called || is_counter(&small) || counts::wrapped(parts, e).is_some() {
+        let is_beyond_converters = e.high - e.low > MOST_LEVELS;
+        if called || is_counter(&small) || is_beyond_converters || counts::wrapped(parts, e).is_some() {
             return counted(seen, parts, e);
         }
         seen.may_count = true;

@@ -242,6 +242,9 @@ fn whole_numbers_are_counts_only_where_something_says_so() {
         // Nothing says what they are, and so not which system they are of.
         assert!(drafted("a.csv", &text(name, 100.0), None).unwrap_err().to_string().contains("--system"), "{name}");
     }
+    // More levels than a converter has.
+    let d = drafted("a.csv", &text("ch_a", 60_000.0), Some("single-pendulum")).unwrap();
+    assert!(!channel(&d, "ch_a").why.iter().any(|s| s.check && s.why.contains("is an angle")));
     // A system whose only quantity is an angle makes them an encoder's.
     let d = drafted("a.csv", &text("x", 500.0), Some("single-pendulum")).unwrap();
     let c = channel(&d, "x");
