@@ -203,7 +203,7 @@ pub fn validate(
     out.horizon.median_lyapunov_times = out.horizon.lyapunov_times(out.lyapunov.as_ref());
     out.checks = checks::checks(&out);
     if out.checks.is_empty() {
-        return Err(nothing_begins(out.horizon.fit_s).in_file(&like.path).into());
+        return Err(nothing_begins(out.horizon.fit_s).in_file(&like.path));
     }
     if out.checks.iter().any(|c| !c.passed) {
         out.verdict = Verdict::Failed;

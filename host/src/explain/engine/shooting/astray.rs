@@ -93,8 +93,9 @@ fn simulated(
         let doubled = (0..usize::BITS).map(|k| FEWEST_SAMPLES << k).take_while(|l| *l < w.count);
         let lengths: Vec<usize> = doubled.chain([w.count]).collect();
         let (begin, left) = problem.fit_state(&piece, &guess, &parameters, &lengths, &mut problem.room(false))?;
-        // No number is no limit.
-        if !(left < NEARER * followed.left[k]) {
+        // What is no number is no nearer.
+        let is_nearer = left < NEARER * followed.left[k];
+        if !is_nearer {
             return None;
         }
         let states = problem.course(&piece, &begin, &parameters)?;

@@ -100,7 +100,7 @@ mod tests {
 
     #[test]
     fn windows_that_reach_into_a_part_have_its_steps() {
-        let path = Path { first: 0, states: Vec::new(), finer: vec![100..200] };
+        let path = Path { first: 0, states: Vec::new(), finer: vec![100..200, 400..410] };
         let of = |first, count| path.fineness(&Window { stretch: 0, first, count });
         assert_eq!([of(0, 100), of(50, 51), of(150, 20), of(199, 100), of(200, 100)], [1, FINER, FINER, FINER, 1]);
     }
