@@ -289,7 +289,6 @@ mod tests {
     use super::*;
     use crate::model::flow;
     use crate::model::model_file::ModelFile;
-    use crate::model::model_file::expression::{Function, Node, Symbol, add, call, multiply, number, symbol};
 
     const TEXT: &str = "name = \"m\"\ninputs = [\"u\"]\ncoordinates = [{ name = \"p\", space = \"S1\" }, { name = \"x\", space = \"R\" }]\n\
         [[equation]]\nbalance = \"-(1.5*p'' + 0.3*cos(p)*x'')\"\nterms = { g = \"sin(p)\", c = \"p'\", f = \"sign(p')\" }\n\
@@ -299,18 +298,9 @@ mod tests {
     /// friction turns are left to it, and no others.
     #[test]
     fn steps_are_those_that_are_taken_one_by_one() {
-        check(&[], &[4.0, 0.1, 0.3, 20.0, 0.2, 0.7]);
-        // A damping by what an arm bears, whose accelerations stand inside a function.
-        let [p, x] = [0, 1].map(|i| symbol(Symbol::Acceleration(i)));
-        let load = add(x, multiply(number(0.5), p));
-        let borne = call(Function::Sqrt, add(number(1.0), multiply(load.clone(), load)));
-        let damping = multiply(symbol(Symbol::Rate(0)), borne);
-        check(&[(0, "l".to_owned(), damping)], &[4.0, 0.1, 0.3, 20.0, 0.2, 0.7, 0.02]);
-    }
-
-    fn check(extra: &[(usize, String, Node)], parameters: &[f64]) {
         let model = ModelFile::parse(TEXT, Path::new("m.toml")).unwrap();
-        let motion = EquationsOfMotion::with_columns(&model, 3.0, extra).unwrap();
+        let motion = EquationsOfMotion::new(&model, 3.0).unwrap();
+        let parameters = [4.0, 0.1, 0.3, 20.0, 0.2, 0.7];
         assert!(motion.goes_abreast());
         let input = |t: f64, out: &mut [f64]| out[0] = (5.0 * t).sin();
         let mut seed = 11_u32;
@@ -326,7 +316,7 @@ mod tests {
         let mut steps = Steps::new(&motion);
         steps.set(states.iter().map(Vec::as_slice));
         steps.carry(
-            VectorField { motion: &motion, parameters },
+            VectorField { motion: &motion, parameters: &parameters },
             of,
             &Outside { omega: 3.0, inputs: 1, at: &input },
             0.004,
@@ -340,7 +330,7 @@ mod tests {
                 flow::Outside { origin: time, tau, omega: 3.0, inputs: Some(Inputs { count: 1, at: &input }) };
             let mut work = Work::by_state(&motion);
             work.set(state);
-            assert!(Flow::new(&motion, parameters, outside, 0.004).carry(&mut work, time, 0.004));
+            assert!(Flow::new(&motion, &parameters, outside, 0.004).carry(&mut work, time, 0.004));
             let turned = rates(state).iter().zip(rates(work.state())).any(|(a, b)| a * b <= 1e-12);
             assert_eq!(steps.whole[i], !turned, "{i}");
             assert!(steps.exists[i], "{i}");

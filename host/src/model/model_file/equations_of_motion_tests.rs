@@ -2,9 +2,11 @@
 
 use std::path::Path;
 
+use super::abreast::{Abreast, Room};
 use super::*;
 use crate::model::dynamics::{Dynamics, Here, Instant, Linearisation, Switch, differences};
 use crate::model::model_file::expression::{Function, add, call, multiply, number, power_whole, symbol};
+use crate::model::model_file::tape::ABREAST;
 
 /// The double pendulum's accelerations satisfy its equations, coefficient by coefficient.
 #[test]
@@ -79,10 +81,8 @@ terms = { h = "x''*sin(y)", g = "sin(y)", e = "sign(2*y' - 2*x')" }
     assert!((a[0] + c[0] - 2.0 * b[0]).abs() < 1e-12 && a[0] != c[0]);
 }
 
-/// A column that is no linear function of accelerations: what is found satisfies the equations, and
-/// so do its partial derivatives.
-#[test]
-fn accelerations_inside_functions_are_found() {
+/// Two coordinates with a column that is no linear function of accelerations, and the column.
+fn loaded() -> (EquationsOfMotion, Node) {
     let text = r#"
 name = "two"
 coordinates = [{ name = "x", space = "R" }, { name = "y", space = "S1" }]
@@ -99,7 +99,56 @@ terms = { h = "x''*cos(y)", g = "sin(y)" }
     let sign = call(Function::Sign, symbol(Symbol::Rate(1)));
     let column = multiply(sign, load);
     let extra = [(1, "mu".to_owned(), column.clone())];
-    let motion = EquationsOfMotion::with_columns(&model, 1.0, &extra).unwrap();
+    (EquationsOfMotion::with_columns(&model, 1.0, &extra).unwrap(), column)
+}
+
+/// Of three states side by side accelerations and partial derivatives are those of one alone.
+#[test]
+fn accelerations_inside_functions_are_found_side_by_side() {
+    let motion = loaded().0;
+    assert!(motion.goes_abreast());
+    let p = [0.2, 4.0, 0.5, 20.0, 0.05];
+    let states = [[0.7, 2.1, 2.0, -3.0], [-0.4, 0.3, 1.0, 4.0], [1.2, -2.0, -0.5, -1.0]];
+    let instant = Instant { time: 0.0, tau: 0.0, inputs: &[] };
+    let mut columns = vec![0.0; 4 * ABREAST];
+    let mut signs = vec![vec![0.0; ABREAST]; motion.held()];
+    for (i, state) in states.iter().enumerate() {
+        (0..4).for_each(|c| columns[c * ABREAST + i] = state[c]);
+        let own = motion.signs(&state[..2], &state[2..], instant.inputs);
+        signs.iter_mut().zip(own).for_each(|(to, sign)| to[i] = sign);
+    }
+    let at = Abreast { count: 3, states: &columns, times: &[0.0; 3], taus: &[0.0; 3], inputs: &[], signs: &signs };
+    let (mut accelerations, mut partials) = (vec![0.0; 2 * ABREAST], vec![0.0; 8 * ABREAST]);
+    let mut exists = [true; 3];
+    motion.linearise_abreast(&p, &at, &mut Room::default(), &mut accelerations, &mut partials, &mut exists);
+    assert_eq!(exists, [true; 3]);
+    for (i, state) in states.iter().enumerate() {
+        let (q, v) = state.split_at(2);
+        let (mut alone, mut slopes) = ([0.0; 2], [0.0; 8]);
+        let here = Here { parameters: &p, q, v, at: &instant, signs: &motion.signs(q, v, instant.inputs) };
+        assert!(motion.linearise_held(here, Linearisation { acceleration: &mut alone, partials: &mut slopes }));
+        let both = alone.iter().chain(&slopes);
+        let beside = accelerations.iter().chain(&partials).skip(i).step_by(ABREAST);
+        for (k, (x, y)) in both.zip(beside).enumerate() {
+            assert!((x - y).abs() < 1e-9 * (1.0 + x.abs()), "{i} {k}: {x} {y}");
+        }
+    }
+    // A law so strong that no pass stands still has no solution.
+    motion.linearise_abreast(
+        &[0.2, 4.0, 0.5, 20.0, 5.0],
+        &at,
+        &mut Room::default(),
+        &mut accelerations,
+        &mut partials,
+        &mut exists,
+    );
+    assert!(!exists[0]);
+}
+
+/// What is found satisfies the equations, and so do its partial derivatives.
+#[test]
+fn accelerations_inside_functions_are_found() {
+    let (motion, column) = loaded();
     let p = [0.2, 4.0, 0.5, 20.0, 0.05];
     let (q, v) = ([0.7, 2.1], [2.0, -3.0]);
     let at = Instant { time: 0.0, tau: 0.0, inputs: &[] };
