@@ -86,7 +86,7 @@ impl Chosen {
             clear: Kernel::design(step_s, clear, (clear + stop - pass).min(0.48 * rate)),
         };
         let windows = Windows { length_s, hop_s: 0.5 * length_s, frequencies };
-        Geometry { windows, kernels, period_s, swing_s: period_s }
+        Geometry { windows, kernels, period_s }
     }
 }
 
@@ -163,7 +163,7 @@ pub fn geometry(
     let fitted = short_record::fitted(&chosen, settings, stretches_s);
     // What stands for a period goes with the window.
     let period_s = band.map_or(fitted.windows.length_s / DRIVE_PERIODS, |_| period_s);
-    Ok(Geometry { period_s, swing_s: period_s, ..fitted })
+    Ok(Geometry { period_s, ..fitted })
 }
 
 #[cfg(test)]

@@ -30,8 +30,6 @@ pub struct Geometry {
     /// The drive's period; of a free system that of its dominant frequency, or a twentieth of a
     /// window where no motion stands above the noise, s.
     pub period_s: f64,
-    /// The same as pieces show it that hold three of them, of the slowest sensor, s.
-    pub swing_s: f64,
 }
 
 /// A record made ready for the weak form.
@@ -85,6 +83,14 @@ pub fn prepare_moving(records: &[Record], rig: &Rig, bound: &ObservedModel, sett
     // What is left may ask for other windows than the whole, and have no room for them: nothing of
     // a record that can be used as a whole is left out then.
     left.map(|left| Prepared { still, ..left }).or_else(|_| prepare(records, rig, bound, settings))
+}
+
+/// Period of the motion of the slowest sensor of stretches, as pieces show it that hold three of
+/// them, s; none where nothing stands above the noise.
+pub fn swing_s(stretches: &[Stretch], bound: &ObservedModel) -> Option<f64> {
+    let shown: Vec<Vec<Vec<f64>>> = stretches.iter().map(|s| s.sensors(bound)).collect();
+    let of_sensor = |i: usize| shown.iter().map(move |s| &s[i][..]);
+    free_geometry::swing_s((0..bound.sensors.len()).map(of_sensor), stretches.first()?.step_s)
 }
 
 /// Samples of the longest stretch.
@@ -147,12 +153,10 @@ impl Steady {
         let noises: Vec<Option<Noise>> = numbers.par_iter().map(|i| noise::estimate(of_sensor(*i), step_s)).collect();
         let free = rig.drive.is_none();
         let band = if free { free_geometry::band(numbers.iter().map(|i| of_sensor(*i)), step_s) } else { None };
-        let swing_s = free.then(|| free_geometry::swing_s(numbers.iter().map(|i| of_sensor(*i)), step_s)).flatten();
         drop(shown);
         let lengths: Vec<f64> = self.stretches.iter().map(|s| s.len() as f64 * s.step_s).collect();
         let inputs = !bound.inputs.is_empty();
-        let chosen = geometry(rig, settings, &noises, inputs, step_s, band, &lengths)?;
-        let geometry = Geometry { swing_s: swing_s.unwrap_or(chosen.swing_s), ..chosen };
+        let geometry = geometry(rig, settings, &noises, inputs, step_s, band, &lengths)?;
         let step = |i: usize| records.iter().map(|r| r.channels[i].step()).fold(0.0, f64::max);
         let counted = |&i: &usize| (rig.channel[i].unit == "count").then(|| step(i));
         let count: Vec<Option<f64>> = bound.sensors.iter().map(counted).collect();

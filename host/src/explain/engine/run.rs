@@ -381,7 +381,8 @@ impl<'a> Run<'a> {
         };
         let most = rest.most_power();
         decidability::decide(&mut result, undecidable, rest);
-        if by_shooting && matches!(result.verdict, Verdict::Explained | Verdict::NothingMissing) {
+        let settled = matches!(result.verdict, Verdict::Explained | Verdict::NothingMissing);
+        if by_shooting && settled && result.slips_show != Some(false) {
             // The model before lacked something, which may look like slips; what is left is noise now.
             result.slips_show = shooting::shows_slips(&setting, &state);
         }

@@ -23,7 +23,7 @@ use crate::effects::places::Place;
 use crate::effects::{self, places, written};
 use crate::error::Result;
 use crate::identify::history::{History, Laws};
-use crate::identify::prepared::prepare_moving;
+use crate::identify::prepared::{self, prepare_moving};
 use crate::identify::remeasured::Sensors;
 use crate::identify::stretches::Stretch;
 use crate::identify::{self, Prepared};
@@ -153,6 +153,13 @@ impl<'a> Setting<'a> {
         let is_free = rig.drive.is_none() && whole.inputs.is_empty();
         let paths: Vec<usize> = raw.iter().map(|s| shooting::samples_of_path(s, &geometry.kernels)).collect();
         let is_short = is_free && shooting::is_short(&paths);
+        let part = if is_short {
+            let swing_s = prepared::swing_s(&raw, whole).unwrap_or(geometry.period_s);
+            let half_swing = 0.5 * swing_s * rig.sample_rate_hz;
+            shooting::fewest_of_part(2 * circle.len(), sensors.sigma.len(), half_swing)
+        } else {
+            shooting::LONG_PART
+        };
         let mut setting = Self {
             rig,
             whole,
@@ -162,12 +169,7 @@ impl<'a> Setting<'a> {
             own,
             shooting: true,
             blocks: if is_short && settings.window_s.is_none() { WHOLE } else { BLOCKS },
-            part: if is_short {
-                let half_swing = 0.5 * geometry.swing_s * rig.sample_rate_hz;
-                shooting::fewest_of_part(2 * circle.len(), sensors.sigma.len(), half_swing)
-            } else {
-                shooting::LONG_PART
-            },
+            part,
             window_s: settings.window_s,
             signs: Vec::new(),
             sensors,

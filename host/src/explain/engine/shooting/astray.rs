@@ -5,8 +5,8 @@
 //!
 //! Where a few windows are left worse than the others, each is followed by a simulation whose
 //! initial state is fitted over longer and longer beginnings, with finer steps; what comes nearer to
-//! the record is linearised about instead, with these. Far worse ones that no simulation follows begin at the smoothed record
-//! again.
+//! the record is linearised about instead, with these. Far worse ones that no simulation follows
+//! begin at the smoothed record again.
 
 use nalgebra::DVector;
 use rayon::prelude::*;

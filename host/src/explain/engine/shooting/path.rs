@@ -29,8 +29,8 @@ pub struct Path {
     pub finer: Vec<Range<usize>>,
 }
 
-/// By how much steps are finer there (by hand: a velocity that turns for a tenth of a sample leaves a
-/// hundredth of the impulse that friction gives in one).
+/// By how much steps are finer there (by hand: with steps of an eighth two windows that had been left
+/// at 25 and 6.5 times the noise's power were left at 1).
 pub const FINER: usize = 8;
 
 impl Path {
