@@ -30,7 +30,7 @@ pub struct Sensors {
 }
 
 /// Shift of a sensor's grid in a repeat, in counts: each sensor gets every quarter, in one of
-/// several orders.
+/// several orders; further repeats get others, by the golden section of a quarter.
 fn shift(repeat: usize, sensor: usize) -> f64 {
     const ORDERS: [[f64; REPEATS]; 4] = [
         [0.125, 0.375, 0.625, 0.875],
@@ -38,7 +38,9 @@ fn shift(repeat: usize, sensor: usize) -> f64 {
         [0.625, 0.125, 0.875, 0.375],
         [0.875, 0.625, 0.375, 0.125],
     ];
-    ORDERS[sensor % 4][repeat]
+    const GOLDEN: f64 = 0.618_033_988_749_895;
+    let (again, repeat) = (repeat / REPEATS, repeat % REPEATS);
+    (ORDERS[sensor % 4][repeat] + 0.25 * GOLDEN * again as f64).fract()
 }
 
 /// Rows of known motions, as they are and measured again.
@@ -219,4 +221,22 @@ pub fn measure_motion(
         input.iter_mut().zip(noise).for_each(|(u, n)| *u += sign * n);
     }
     measured
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_repeat_has_a_grid_of_its_own() {
+        for sensor in 0..5 {
+            let mut all: Vec<f64> = (0..2 * REPEATS).map(|r| shift(r, sensor)).collect();
+            assert_eq!(all[0], shift(0, sensor % 4));
+            all.sort_by(f64::total_cmp);
+            assert!(
+                all.iter().all(|x| (0.0..1.0).contains(x)) && all.windows(2).all(|w| w[1] - w[0] > 0.05),
+                "{all:?}"
+            );
+        }
+    }
 }
