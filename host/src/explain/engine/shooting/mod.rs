@@ -58,6 +58,7 @@ mod linear;
 mod path;
 mod quieter;
 mod remade;
+mod rounding;
 pub mod signs;
 mod slipped;
 mod stage;
