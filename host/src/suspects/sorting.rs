@@ -7,14 +7,21 @@
 //! joined, and so is a step of one channel whose velocity leaps there: the others may have met by
 //! chance. A channel that takes no part must not contradict: abs(S_k − m v_k) within 5 of its own
 //! increments' scatter.
+//!
+//! A joint that one channel alone shows must stand out of the motion: of the greatest third
+//! difference |x(i+2) − 3 x(i+1) + 3 x(i) − x(i−1)| that the channel has anywhere else, a step S
+//! makes 2 S there and a leap B of the velocity B, it is at least [`STANDS_OUT`] times as great. An
+//! arm that is flung round once in a record bends its curve within a sample or two as well.
 
 use super::breaks::{Found, Kind};
-use super::trace::Trace;
+use super::trace::{Samples, Trace};
 
 /// Relative deviation of S/v from a whole number.
 const WHOLE: f64 = 0.12;
 /// Scatter from which a channel contradicts.
 const CONTRADICTS: f64 = 5.0;
+/// Third difference of a joint over the greatest of the motion.
+const STANDS_OUT: f64 = 2.0;
 
 /// What happened at a place.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,11 +57,34 @@ pub fn sort(traces: &[Trace<'_>], found: &[Vec<Found>]) -> Vec<Event> {
             Some(m) => Event::Rows(m, f.stretch, f.from),
             None if group.len() > 1 => Event::Joined(f.stretch, f.from),
             // An encoder's slip leaves the velocity as it was.
-            None if f.kind == Kind::Break && (traces.len() == 1 || f.bend != 0.0) => Event::Joined(f.stretch, f.from),
+            None if f.kind == Kind::Break && (traces.len() == 1 || f.bend != 0.0) => {
+                if !stands_out(&traces[channel], &f, &found[channel]) {
+                    continue;
+                }
+                Event::Joined(f.stretch, f.from)
+            }
             None => Event::Slip(channel, f),
         });
     }
     events
+}
+
+/// Whether the motion leaps there as nowhere else, but where something was found too.
+fn stands_out(trace: &Trace<'_>, joint: &Found, all: &[Found]) -> bool {
+    let third = |s: &Samples<'_>, i: usize| (s.at(i + 2) - 3.0 * s.at(i + 1) + 3.0 * s.at(i) - s.at(i - 1)).abs();
+    let (mut here, mut elsewhere) = (0.0_f64, 0.0_f64);
+    for (k, s) in trace.stretches.iter().enumerate() {
+        for i in 1..s.len().saturating_sub(2) {
+            // Four samples, from i − 1 on: those that lie on both sides of the joint see it.
+            let sees = |f: &Found| f.stretch == k && i + 3 > f.from && i < f.to.max(f.from) + 2;
+            if sees(joint) {
+                here = here.max(third(s, i));
+            } else if !all.iter().any(sees) {
+                elsewhere = elsewhere.max(third(s, i));
+            }
+        }
+    }
+    here >= STANDS_OUT * elsewhere
 }
 
 /// Increment before, at and behind a place.
@@ -90,7 +120,6 @@ fn rows(traces: &[Trace<'_>], group: &[(usize, Found)]) -> Option<i64> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::trace::Samples;
     use super::super::{breaks::Judge, screen::screen};
     use super::*;
 
@@ -130,5 +159,32 @@ mod tests {
         let mut x = motion();
         x[1][9000..].iter_mut().for_each(|c| *c -= 17_644);
         assert!(matches!(events(&x)[..], [Event::Slip(1, f)] if f.from == 9000), "{:?}", events(&x));
+    }
+
+    #[test]
+    fn one_fast_turn_of_an_arm_is_motion() {
+        // Increments of an arm that is flung round: its third difference of 22 is one more than the
+        // record's other turns have.
+        let turn = [
+            -103, -117, -132, -149, -164, -183, -202, -223, -246, -274, -305, -336, -361, -367, -351, -321, -289, -259,
+            -233, -211, -191, -173, -157, -141, -126, -112, -98,
+        ];
+        let slower = |k: usize| f64::from(turn[k.min(turn.len() - 1)]) * 0.95;
+        let mut x = motion();
+        for (at, whole) in [(4000, false), (8000, true), (12_000, false)] {
+            let mut sum = 0.0;
+            for (i, c) in x[1][at..].iter_mut().enumerate() {
+                sum += if i >= turn.len() {
+                    0.0
+                } else if whole {
+                    f64::from(turn[i])
+                } else {
+                    slower(i)
+                };
+                *c += sum as i32;
+            }
+        }
+        let joined = events(&x).iter().filter(|e| matches!(e, Event::Joined(_, at) if at.abs_diff(8013) < 5)).count();
+        assert_eq!(joined, 0, "{:?}", events(&x));
     }
 }
