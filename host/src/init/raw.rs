@@ -105,7 +105,8 @@ pub(super) fn read(path: &Path, settings: &Settings) -> Result<Raw> {
     let name = time.column.clone().or(clock).unwrap_or_else(|| "t".to_owned());
     // A column of dates says itself what it counts.
     let dated = listed.iter().any(|l| l.name == name && !l.is_number);
-    let said = dated || is_counted || time.unit.is_some() || names::split(&name).1.is_some();
+    let named = names::split(&name).1.is_some() || names::is_only_a_unit(&name).is_some();
+    let said = dated || is_counted || time.unit.is_some() || named;
     if !said && !LIKELY.contains(&record.sample_rate_hz) {
         other_unit(&mut record, &mut time, &mut why, &name);
     }

@@ -169,9 +169,27 @@ pub(super) fn choose(raw: &Raw, seen: &[Seen], settings: &Settings) -> Result<Ch
     Ok(Chosen { model: Some(model), why, channels, unused, may_be_driven: needs.phase })
 }
 
-/// A column as what it is to show: whole numbers that are to be an angle are an encoder's.
+/// Whether a column is an angle by its name alone, and a displacement is to be read from it: counts
+/// of an encoder on a rail.
+fn is_by_name(s: &Seen, need: &Need) -> bool {
+    let is_open = s.is_unit_open || s.unit == "count" && s.counts.is_none();
+    need.kind == Kind::Length && s.kind == Kind::Angle && is_open
+}
+
+/// A column as what it is to show: whole numbers that are to be an angle are an encoder's, and what
+/// is to be a displacement is in a unit that only its owner knows.
 fn meant(s: &Seen, need: &Need) -> Seen {
     let mut s = s.clone();
+    if is_by_name(&s, need) {
+        let is_counted = s.unit == "count";
+        (s.kind, s.unit, s.is_unit_open) = (Kind::Length, "m", false);
+        let (text, why) = if is_counted {
+            ("whole numbers, taken for metres", "write what one of them is in metres, gain = 2.5e-5")
+        } else {
+            ("a displacement in m", "nothing says its unit: write another one, unit = \"mm\"")
+        };
+        s.why = vec![Statement::new(&s.name, text, why).unsure()];
+    }
     if s.may_count && need.kind == Kind::Angle {
         s.unit = "count";
         let why = format!("whole numbers, and {} is an angle", need.name);
@@ -235,7 +253,7 @@ fn assign<'a>(
             let list: Vec<&str> = needs.list.iter().map(|n| n.name.as_str()).collect();
             return Err(BadInput::new(format!("\"{measure}\""), format!("one of {}", list.join(", "))).at("--map"));
         };
-        if needs.list[k].refuses(found) {
+        if needs.list[k].refuses(found) && !is_by_name(found, &needs.list[k]) {
             return Err(BadInput::new(
                 format!("{column}, {}", words(found)),
                 format!("a column for {measure}, {}", needs.list[k].words()),

@@ -108,6 +108,29 @@ fn a_map_may_compute_a_channel() {
 }
 
 #[test]
+fn counts_of_a_rail_are_mapped_to_a_displacement() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("cart.csv");
+    let cart = |i: f64| (900.0 * (0.02 * i).sin()).floor();
+    let row =
+        |i: f64| format!("{},{},{},{:.3}", 10.0 * i, cart(i), (600.0 * (0.03 * i).cos()).floor(), (0.02 * i).cos());
+    std::fs::write(&path, format!("millis,cart_counts,pend_counts,force_N\n{}", rows(3000, row))).unwrap();
+    let with = |map: &str| {
+        let choices = Choices { map: vec![crate::rig::choices::pair(map).unwrap()], ..Choices::default() };
+        let system = Some("cart-pendulum".to_owned());
+        let output = folder.path().join("rig.toml");
+        draft(&path, &Settings { choices, system, output, needs_system: true, ..Settings::default() })
+    };
+    for (map, name) in [("x=cart_counts", "cart_counts"), ("x==cart_counts*22.7e-6", "=cart_counts*22.7e-6")] {
+        let d = with(map).unwrap();
+        assert_eq!(d.sample_rate_hz, 100.0);
+        let c = channel(&d, name);
+        assert_eq!((c.measures.as_str(), c.unit.as_str(), c.counts_per_turn), ("x", "m", None));
+        assert!(c.why.iter().any(|s| s.check), "{:?}", c.why);
+    }
+}
+
+#[test]
 fn a_rate_is_not_rounded_beyond_what_is_told_as_another() {
     let mut segment = Segment::new(0.0, 1.0 / 1945.88, vec![Column::Values(vec![0.0; 20])]);
     segment.jitter_s = 0.3 * segment.step_s;

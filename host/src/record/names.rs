@@ -176,8 +176,20 @@ fn plain(name: &str) -> String {
 
 /// Whether a column's name says that it is the time.
 pub fn is_time(name: &str) -> bool {
+    is_called_time(name) || is_only_a_unit(name).is_some()
+}
+
+fn is_called_time(name: &str) -> bool {
     let (base, unit) = split(name);
     unit.is_none_or(|u| per_second(&u).is_some()) && TIMES.contains(&plain(&base).as_str())
+}
+
+/// How many there are in a second of the unit of time that a name is, and nothing else: `millis`,
+/// as a microcontroller's log calls its clock. Not letters and short words that are other things.
+pub fn is_only_a_unit(name: &str) -> Option<f64> {
+    let name = plain(name);
+    let other = name.chars().count() < 2 || name == "min" || name == "mins";
+    if other { None } else { per_second(&name) }
 }
 
 /// Which column is the time and what it is counted in, as a rig file or an option says.
@@ -230,7 +242,7 @@ pub fn time_column(names: &[String], choice: &TimeChoice, path: &Path) -> Result
                 .remedy("Correct the rig file")
         })?),
         (None, Some(text)) => per_second(text),
-        (None, None) => None,
+        (None, None) => is_only_a_unit(&name),
     };
     Ok(TimeColumn { index, name, per_second })
 }
@@ -271,9 +283,12 @@ fn called_time(names: &[String], path: &Path) -> Result<usize> {
             false => Ok(i),
         };
     }
-    let mut called: Vec<usize> = (0..names.len()).filter(|i| is_time(&names[*i])).collect();
+    let mut called: Vec<usize> = (0..names.len()).filter(|i| is_called_time(&names[*i])).collect();
     if called.is_empty() {
-        called = (0..names.len()).filter(|i| last_part(&names[*i]).is_some_and(is_time)).collect();
+        called = (0..names.len()).filter(|i| is_only_a_unit(&names[*i]).is_some()).collect();
+    }
+    if called.is_empty() {
+        called = (0..names.len()).filter(|i| last_part(&names[*i]).is_some_and(is_called_time)).collect();
     }
     match called[..] {
         [one] => Ok(one),

@@ -55,6 +55,9 @@ fn the_time_is_found_by_its_names() {
     assert!(time(&["a.t", "b.t"]).unwrap_err().to_string().contains("--time \"a.t\""));
     let both = time(&["time", "timestamp", "x"]).unwrap_err().to_string();
     assert!(both.contains("\"time\" and \"timestamp\"") && both.contains("--time \"time\""), "{both}");
+    assert_eq!(time(&["millis", "counts"]).unwrap(), (0, Some(1e3)));
+    assert_eq!(time(&["millis", "time", "x"]).unwrap(), (1, None));
+    assert!(time(&["min", "max"]).is_err() && time(&["s", "h"]).is_err());
     assert!(time(&["temperature", "x"]).is_err() && time(&["t", "t"]).is_err());
 }
 
