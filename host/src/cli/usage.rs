@@ -19,11 +19,12 @@ const NUMBERS: [(&str, &str); 6] = [
 ];
 
 /// What to do about an option or file that is missing.
-const MISSING: [(&str, &str); 4] = [
+const MISSING: [(&str, &str); 5] = [
     ("--rig", "A rig file says what each column measures: `whirl init REC -o RIG.toml` writes one from a record"),
     ("<REC>", "Name a record, such as rec.parquet or rec.csv"),
     ("--model", "`whirl identify REC --rig RIG.toml -o MODEL.toml` writes one"),
     ("--from", "Say where the device is, such as serial:/dev/ttyACM0; `whirl device list` lists ports"),
+    ("<WHAT>", "Say what is to be listed: models, effects, boards or methods"),
 ];
 
 /// Whether the parser was asked for a text (help, version), which is no error.

@@ -228,7 +228,7 @@ fn notes(w: &Writer<'_>) -> Vec<String> {
         .zip(&inputs)
         .map(|(n, u)| name(n, Some(u.to_string()).filter(|u| u != "1").unwrap_or_default()));
     let symbols: Vec<String> = coordinates.chain(inputs).collect();
-    let mut out = vec![format!("Coordinates: {}. A dot is a derivative by time (in 1/s).", symbols.join(", "))];
+    let mut out = vec![format!("Coordinates: {}. A dot is a derivative by time in seconds.", symbols.join(", "))];
     if let Some(omega) = motion.omega() {
         let hz = shortest(omega / core::f64::consts::TAU);
         let rate = significant(omega, 5);

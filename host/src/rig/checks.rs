@@ -6,7 +6,8 @@ use serde::de::DeserializeOwned;
 
 use super::{Channel, Drive, MOST_A_PERIOD, QUANTITIES, RATES, RigFile, UNITS};
 use crate::error::{BadInput, Result};
-use crate::record::names::{TimeChoice, per_second, time_units};
+use crate::record::names::{self, NamedUnit, TimeChoice, per_second, time_units};
+use crate::wording::format::significant;
 use crate::wording::toml_words;
 
 /// Greatest gain and offset of a channel: instruments count in millionths or thousands.
@@ -107,7 +108,15 @@ pub(super) fn channels(channels: &[Channel], path: &Path) -> Result<()> {
             return bad(path, &place("measures"), found, "a quantity measured once");
         }
         if !UNITS.contains(&c.unit.as_str()) {
-            return bad(path, &place("unit"), format!("\"{}\"", c.unit), &format!("one of {}", UNITS.join(", ")));
+            let expected = format!("one of {}", UNITS.join(", "));
+            let Some(NamedUnit { unit: Some(unit), factor }) = names::unit(&c.unit) else {
+                return bad(path, &place("unit"), format!("\"{}\"", c.unit), &expected);
+            };
+            let gain = significant(factor * c.gain.unwrap_or(1.0), 6);
+            return Err(BadInput::new(format!("\"{}\"", c.unit), expected)
+                .in_file(path)
+                .at(place("unit"))
+                .remedy(format!("Write unit = \"{unit}\" and gain = {gain}")));
         }
         counts(c, path, &place)?;
         scale(c, path, &place)?;
@@ -198,6 +207,14 @@ mod tests {
             let message = rig(unit, more).unwrap_err().to_string();
             assert!(message.contains(part), "{more}: {message}");
         }
+    }
+
+    #[test]
+    fn a_unit_that_is_a_multiple_of_another_is_written_with_a_gain() {
+        let message = rig("cm", "gain = 2.0\n").unwrap_err().to_string();
+        assert!(message.contains("Write unit = \"m\" and gain = 0.02"), "{message}");
+        let message = rig("furlong", "").unwrap_err().to_string();
+        assert!(message.contains("Correct the rig file"), "{message}");
     }
 
     #[test]

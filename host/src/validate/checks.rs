@@ -4,6 +4,8 @@ use super::{Check, Pair, Validation, natural_frequencies};
 use crate::statistics::Z95;
 use crate::wording::format::{in_seconds, significant};
 
+/// Times the noise from which a prediction ran away.
+const RAN_AWAY: f64 = 1e6;
 /// Standard errors by which two invariants may differ.
 const STANDARD_ERRORS: f64 = 3.0;
 /// Share of the larger by which they must differ as well: two records of one rig (120 s, 1024
@@ -60,8 +62,8 @@ pub(super) fn checks(v: &Validation) -> Vec<Check> {
             measured <= ERROR_RATIO * simulated.max(1.0),
             format!(
                 "predictions miss the record {over} by {} times its sensors' noise, the model's own by {}; up to {ERROR_RATIO} times that is taken",
-                significant(measured, 3),
-                significant(simulated, 3)
+                times(measured),
+                times(simulated)
             ),
         );
     }
@@ -117,4 +119,8 @@ pub(super) fn checks(v: &Validation) -> Vec<Check> {
 fn agree(p: &Pair) -> bool {
     let larger = p.measured.abs().max(p.simulated.abs());
     p.deviation() <= STANDARD_ERRORS || (p.measured - p.simulated).abs() <= CLEARLY_DIFFERENT * larger
+}
+/// How many times something is the noise; a motion that ran away has no number that says more.
+fn times(x: f64) -> String {
+    if x > RAN_AWAY { "more than a million".to_owned() } else { significant(x, 3) }
 }

@@ -27,6 +27,13 @@ fn the_page_s_example_is_read() {
     assert_eq!(m.coefficients(), ["Z", "A"]);
 }
 
+#[test]
+fn a_key_of_a_system_says_what_it_stands_beside() {
+    let told = error(&format!("{GOOD}[[joint]]\nname = \"axis\"\nmoves = \"q\"\n"));
+    assert!(told.contains("beside coordinates that are a table"), "{told}");
+    assert!(!error(&format!("{GOOD}colour = 1\n")).contains("table:"));
+}
+
 /// Twenty-nine mistakes, each message with its line, column, what was found and what to do.
 #[test]
 fn malformed_files_are_told_where_and_what_to_do() {
