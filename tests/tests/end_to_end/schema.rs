@@ -133,6 +133,10 @@ fn object(page: &Page, command: &str, path: &str, found: &[&Value], before: Opti
         if said.null {
             with_type(&mut schema, "null");
         }
+        // No result that was seen had a value: what it is is not told.
+        if schema.get("type").is_some_and(|of| of == "null") {
+            schema.remove("type");
+        }
         properties.insert(key.clone(), Value::Object(schema));
     }
     json!({ "type": "object", "required": required, "properties": properties })
