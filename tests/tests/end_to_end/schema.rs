@@ -133,10 +133,6 @@ fn object(page: &Page, command: &str, path: &str, found: &[&Value], before: Opti
         if said.null {
             with_type(&mut schema, "null");
         }
-        // No result that was seen had a value: what it is is not told.
-        if schema.get("type").is_some_and(|of| of == "null") {
-            schema.remove("type");
-        }
         properties.insert(key.clone(), Value::Object(schema));
     }
     json!({ "type": "object", "required": required, "properties": properties })
@@ -172,6 +168,10 @@ fn value(page: &Page, at: (&str, &str), found: &[&Value], before: Option<&Value>
     let (command, path) = at;
     let mut all = before.map_or_else(BTreeSet::new, |b| kinds(&b["type"]));
     all.extend(found.iter().map(|v| kind(v).to_owned()));
+    // No result that was seen had a value: what it is is not told.
+    if all.len() == 1 && all.contains("null") {
+        all.clear();
+    }
     if all.contains("number") {
         all.remove("integer");
         // One that is no number is null.
