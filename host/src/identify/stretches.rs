@@ -58,24 +58,6 @@ impl Stretch {
         }
     }
 
-    /// Rate of the drive's phase along the stretch, rad/s: dτ/dt as it was recorded, or with what
-    /// effects advance it by, which need not be 2π times the frequency that the rig file states. The
-    /// mean of what is within half of the median: a drive may stand for a while.
-    pub fn phase_rate(&self) -> Option<f64> {
-        match &self.phase {
-            Phase::Device(turns) if turns.len() > 1 => {
-                let mut ahead: Vec<u32> = turns.windows(2).map(|w| w[1].wrapping_sub(w[0])).collect();
-                let middle = ahead.len() / 2;
-                let median = *ahead.select_nth_unstable(middle).1;
-                let moving = ahead.iter().filter(|a| a.abs_diff(median) <= median / 2).map(|a| f64::from(*a));
-                let (sum, count) = moving.fold((0.0, 0.0), |(sum, n), a| (sum + a, n + 1.0));
-                Some(sum / count * (TAU / 4_294_967_296.0) / self.step_s)
-            }
-            Phase::Device(_) => None,
-            Phase::Clock(omega) => Some(*omega),
-        }
-    }
-
     /// A followed state of an effect at `count` samples from `first` on; NaN where nothing is
     /// followed.
     pub fn remembered(&self, number: usize, first: usize, count: usize) -> Vec<f64> {
@@ -195,40 +177,4 @@ pub fn of(record: &Record, rig: &Rig, bound: &ObservedModel) -> Result<Vec<Stret
             Some(part)
         })
         .collect())
-}
-
-/// Mean rate of the drive's phase over stretches, rad/s.
-pub fn mean_phase_rate(stretches: &[Stretch]) -> Option<f64> {
-    let rates = stretches.iter().filter_map(|s| s.phase_rate().map(|rate| (s.len() as f64, rate)));
-    let (samples, sum) = rates.fold((0.0, 0.0), |(n, sum), (samples, rate)| (n + samples, sum + samples * rate));
-    (samples > 0.0).then(|| sum / samples)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_drive_that_runs_ahead_is_followed_at_its_own_rate() {
-        let (count, step_s, rate) = (2001_u32, 0.0025, TAU * 3.132);
-        let turns = |i: u32| ((f64::from(i) * step_s * rate / TAU).rem_euclid(1.0) * 4_294_967_296.0) as u32;
-        let stretch = Stretch {
-            start_s: 0.0,
-            step_s,
-            coordinates: vec![vec![0.1; count as usize]; 2],
-            inputs: Vec::new(),
-            phase: Phase::Device((0..count).map(turns).collect()),
-            amplitude_nm: None,
-            history: None,
-            base: None,
-        };
-        // It stands for a fifth of a second.
-        let mut stretch = stretch;
-        if let Phase::Device(turns) = &mut stretch.phase {
-            let at = turns[100];
-            turns[100..180].fill(at);
-        }
-        let found = mean_phase_rate(&[stretch.part(0, 700), stretch.part(700, 2001)]).unwrap();
-        assert!((found - rate).abs() < 1e-9 * rate, "{found}");
-    }
 }

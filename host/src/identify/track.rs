@@ -13,7 +13,7 @@ use super::shooting::problem::{Piece, Problem};
 use super::shooting::run::integration_step;
 use super::shooting::track::{Geometry, MeasuredStretch, cut};
 use super::shooting::zeros::{Moment, Zeros};
-use super::stretches::{Stretch, mean_phase_rate, mixed};
+use super::stretches::{Stretch, mixed};
 use crate::model::dynamics::Dynamics;
 use crate::model::flow::Inputs;
 use crate::model::integrate::Outside;
@@ -51,7 +51,7 @@ impl ExogenousInputs {
             step_s: s.step_s,
             start_s: s.start_s,
             tau: if s.is_empty() { 0.0 } else { s.tau(0) },
-            omega: if omega > 0.0 { s.phase_rate().unwrap_or(omega) } else { 0.0 },
+            omega,
         }
     }
 
@@ -157,7 +157,7 @@ impl<'a> Track<'a> {
                 sigma.max(LEAST_NOISE * size[k]).max(1e-12)
             })
             .collect();
-        let omega = rig.drive.map_or(0.0, |d| mean_phase_rate(stretches).unwrap_or(TAU * d.frequency_hz));
+        let omega = rig.drive.map_or(0.0, |d| TAU * d.frequency_hz);
         let hidden = Vec::new();
         Self {
             hidden,
