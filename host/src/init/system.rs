@@ -184,7 +184,10 @@ fn meant(s: &Seen, need: &Need) -> Seen {
         let is_counted = s.unit == "count";
         (s.kind, s.unit, s.is_unit_open) = (Kind::Length, "m", false);
         let (text, why) = if is_counted {
-            ("whole numbers, taken for metres", "write what one of them is in metres, gain = 2.5e-5")
+            (
+                "whole numbers, taken for metres",
+                "write what one of them is in metres, gain = 2.5e-5, and half of it, offset = 1.25e-5",
+            )
         } else {
             ("a displacement in m", "nothing says its unit: write another one, unit = \"mm\"")
         };

@@ -7,7 +7,7 @@ use serde::de::DeserializeOwned;
 use super::{Channel, Drive, MOST_A_PERIOD, QUANTITIES, RATES, RigFile, UNITS};
 use crate::error::{BadInput, Result};
 use crate::record::names::{self, NamedUnit, TimeChoice, per_second, time_units};
-use crate::wording::format::significant;
+use crate::wording::format::rounded;
 use crate::wording::toml_words;
 
 /// Greatest gain and offset of a channel: instruments count in millionths or thousands.
@@ -112,11 +112,12 @@ pub(super) fn channels(channels: &[Channel], path: &Path) -> Result<()> {
             let Some(NamedUnit { unit: Some(unit), factor }) = names::unit(&c.unit) else {
                 return bad(path, &place("unit"), format!("\"{}\"", c.unit), &expected);
             };
-            let gain = significant(factor * c.gain.unwrap_or(1.0), 6);
+            let scaled = |x: f64| rounded(factor * x, 10);
+            let offset = c.offset.map_or_else(String::new, |x| format!(", offset = {}", scaled(x)));
             return Err(BadInput::new(format!("\"{}\"", c.unit), expected)
                 .in_file(path)
                 .at(place("unit"))
-                .remedy(format!("Write unit = \"{unit}\" and gain = {gain}")));
+                .remedy(format!("Write unit = \"{unit}\", gain = {}{offset}", scaled(c.gain.unwrap_or(1.0)))));
         }
         counts(c, path, &place)?;
         scale(c, path, &place)?;
@@ -211,8 +212,8 @@ mod tests {
 
     #[test]
     fn a_unit_that_is_a_multiple_of_another_is_written_with_a_gain() {
-        let message = rig("cm", "gain = 2.0\n").unwrap_err().to_string();
-        assert!(message.contains("Write unit = \"m\" and gain = 0.02"), "{message}");
+        let message = rig("cm", "gain = 2.0\noffset = 5.0\n").unwrap_err().to_string();
+        assert!(message.contains("Write unit = \"m\", gain = 0.02, offset = 0.05"), "{message}");
         let message = rig("furlong", "").unwrap_err().to_string();
         assert!(message.contains("Correct the rig file"), "{message}");
     }

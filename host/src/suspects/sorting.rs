@@ -14,7 +14,7 @@
 //! arm that is flung round once in a record bends its curve within a sample or two as well.
 
 use super::breaks::{Found, Kind};
-use super::trace::{Samples, Trace};
+use super::trace::Trace;
 
 /// Relative deviation of S/v from a whole number.
 const WHOLE: f64 = 0.12;
@@ -41,6 +41,7 @@ pub fn sort(traces: &[Trace<'_>], found: &[Vec<Found>]) -> Vec<Event> {
     let mut all: Vec<(usize, Found)> =
         found.iter().enumerate().flat_map(|(k, f)| f.iter().map(move |f| (k, *f))).collect();
     all.sort_by_key(|(k, f)| (f.stretch, f.from, *k));
+    let mut greatest: Vec<Option<f64>> = vec![None; traces.len()];
     let mut events = Vec::new();
     let mut i = 0;
     while i < all.len() {
@@ -58,7 +59,10 @@ pub fn sort(traces: &[Trace<'_>], found: &[Vec<Found>]) -> Vec<Event> {
             None if group.len() > 1 => Event::Joined(f.stretch, f.from),
             // An encoder's slip leaves the velocity as it was.
             None if f.kind == Kind::Break && (traces.len() == 1 || f.bend != 0.0) => {
-                if !stands_out(&traces[channel], &f, &found[channel]) {
+                let (trace, found) = (&traces[channel], &found[channel]);
+                let own = *greatest[channel].get_or_insert_with(|| greatest_elsewhere(trace, found));
+                let here = sees(trace, &f).map(|i| third(trace, f.stretch, i)).fold(0.0, f64::max);
+                if here < STANDS_OUT * own {
                     continue;
                 }
                 Event::Joined(f.stretch, f.from)
@@ -69,22 +73,28 @@ pub fn sort(traces: &[Trace<'_>], found: &[Vec<Found>]) -> Vec<Event> {
     events
 }
 
-/// Whether the motion leaps there as nowhere else, but where something was found too.
-fn stands_out(trace: &Trace<'_>, joint: &Found, all: &[Found]) -> bool {
-    let third = |s: &Samples<'_>, i: usize| (s.at(i + 2) - 3.0 * s.at(i + 1) + 3.0 * s.at(i) - s.at(i - 1)).abs();
-    let (mut here, mut elsewhere) = (0.0_f64, 0.0_f64);
+/// |x(i+2) − 3 x(i+1) + 3 x(i) − x(i−1)| in a stretch.
+fn third(trace: &Trace<'_>, stretch: usize, i: usize) -> f64 {
+    let s = &trace.stretches[stretch];
+    (s.at(i + 2) - 3.0 * s.at(i + 1) + 3.0 * s.at(i) - s.at(i - 1)).abs()
+}
+
+/// Third differences, by their i, that have samples on both sides of what was found.
+fn sees(trace: &Trace<'_>, f: &Found) -> core::ops::Range<usize> {
+    let end = trace.stretches[f.stretch].len().saturating_sub(2);
+    f.from.saturating_sub(2).max(1)..(f.from.max(f.to) + 1).min(end)
+}
+
+/// The greatest third difference of a channel where nothing was found.
+fn greatest_elsewhere(trace: &Trace<'_>, found: &[Found]) -> f64 {
+    let mut greatest = 0.0_f64;
     for (k, s) in trace.stretches.iter().enumerate() {
-        for i in 1..s.len().saturating_sub(2) {
-            // Four samples, from i − 1 on: those that lie on both sides of the joint see it.
-            let sees = |f: &Found| f.stretch == k && i + 3 > f.from && i < f.to.max(f.from) + 2;
-            if sees(joint) {
-                here = here.max(third(s, i));
-            } else if !all.iter().any(sees) {
-                elsewhere = elsewhere.max(third(s, i));
-            }
-        }
+        let mut apart = vec![true; s.len()];
+        found.iter().filter(|f| f.stretch == k).flat_map(|f| sees(trace, f)).for_each(|i| apart[i] = false);
+        let own = (1..s.len().saturating_sub(2)).filter(|i| apart[*i]).map(|i| third(trace, k, i));
+        greatest = own.fold(greatest, f64::max);
     }
-    here >= STANDS_OUT * elsewhere
+    greatest
 }
 
 /// Increment before, at and behind a place.
@@ -120,6 +130,7 @@ fn rows(traces: &[Trace<'_>], group: &[(usize, Found)]) -> Option<i64> {
 
 #[cfg(test)]
 mod tests {
+    use super::super::trace::Samples;
     use super::super::{breaks::Judge, screen::screen};
     use super::*;
 
@@ -163,28 +174,36 @@ mod tests {
 
     #[test]
     fn one_fast_turn_of_an_arm_is_motion() {
-        // Increments of an arm that is flung round: its third difference of 22 is one more than the
-        // record's other turns have.
+        // Increments of an arm that is flung round: third differences up to 22.
         let turn = [
             -103, -117, -132, -149, -164, -183, -202, -223, -246, -274, -305, -336, -361, -367, -351, -321, -289, -259,
             -233, -211, -191, -173, -157, -141, -126, -112, -98,
         ];
-        let slower = |k: usize| f64::from(turn[k.min(turn.len() - 1)]) * 0.95;
-        let mut x = motion();
-        for (at, whole) in [(4000, false), (8000, true), (12_000, false)] {
-            let mut sum = 0.0;
-            for (i, c) in x[1][at..].iter_mut().enumerate() {
-                sum += if i >= turn.len() {
-                    0.0
-                } else if whole {
-                    f64::from(turn[i])
-                } else {
-                    slower(i)
-                };
-                *c += sum as i32;
-            }
-        }
-        let joined = events(&x).iter().filter(|e| matches!(e, Event::Joined(_, at) if at.abs_diff(8013) < 5)).count();
-        assert_eq!(joined, 0, "{:?}", events(&x));
+        let of = |speed: f64| turn.map(|d| speed * f64::from(d)).into_iter();
+        let record = |leap: f64| -> Vec<i32> {
+            let increments = of(0.95).chain(of(1.0)).chain(of(0.95));
+            let mut x = 0.0;
+            let sum = |(i, d): (usize, f64)| {
+                x += d + if i == 40 { leap } else { 0.0 };
+                x as i32
+            };
+            increments.enumerate().map(sum).collect()
+        };
+        let at = |from: usize| Found {
+            stretch: 0,
+            from,
+            to: from,
+            kind: Kind::Break,
+            size: -16.0,
+            error: 1.0,
+            bend: 20.0,
+            z: 9.0,
+        };
+        let joined = |leap: f64| {
+            let x = record(leap);
+            sort(&[Trace::new(vec![Samples::Counts(&x)])], &[vec![at(40)]])
+        };
+        assert_eq!(joined(0.0), []);
+        assert_eq!(joined(-90.0), [Event::Joined(0, 40)]);
     }
 }

@@ -18,7 +18,7 @@ use crate::model::model_file::units::Unit;
 use crate::model::model_file::{Coordinate, ModelFile, Space};
 
 /// Keys of a system file.
-const KEYS: [&str; 16] = [
+pub(crate) const KEYS: [&str; 16] = [
     "name",
     "coordinates",
     "inputs",

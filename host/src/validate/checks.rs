@@ -120,6 +120,7 @@ fn agree(p: &Pair) -> bool {
     let larger = p.measured.abs().max(p.simulated.abs());
     p.deviation() <= STANDARD_ERRORS || (p.measured - p.simulated).abs() <= CLEARLY_DIFFERENT * larger
 }
+
 /// How many times something is the noise; a motion that ran away has no number that says more.
 fn times(x: f64) -> String {
     if x > RAN_AWAY { "more than a million".to_owned() } else { significant(x, 3) }

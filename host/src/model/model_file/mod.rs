@@ -58,10 +58,9 @@ use self::reading::{MOST_NAMES, coordinates, equation, inputs};
 pub(crate) use self::reading::{check_name, mistake};
 use self::toml_place::{Source, described};
 use crate::error::{BadInput, Result};
+use crate::system::language;
 use crate::system::mechanism::Mechanism;
 
-/// Keys that systems have whose coordinates are a table.
-const OF_A_SYSTEM: [&str; 5] = ["joint", "body", "force", "points", "sensors"];
 /// Keys that an identified model written by `identify -o` has beside those of a model file.
 const IDENTIFIED_KEYS: [&str; 8] =
     ["format", "model", "method", "drive_frequency_hz", "nominal", "found_with", "parameters", "effect"];
@@ -171,7 +170,7 @@ impl ModelFile {
         let known = ["name", "coordinates", "inputs", "time", "equation"];
         source.known_keys(top, &[&known[..], &IDENTIFIED_KEYS].concat(), "a model file").map_err(|mut e| {
             e.expected = format!("one of {}", known.join(", "));
-            let of_a_system = OF_A_SYSTEM.iter().any(|key| e.found.contains(&format!("\"{key}\"")));
+            let of_a_system = language::KEYS.iter().any(|key| e.found == format!("the key \"{key}\""));
             let remedy = "It stands beside coordinates that are a table: coordinates = { x = \"length\" }";
             if of_a_system { e.remedy(remedy) } else { e }
         })?;

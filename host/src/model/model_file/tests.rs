@@ -31,7 +31,10 @@ fn the_page_s_example_is_read() {
 fn a_key_of_a_system_says_what_it_stands_beside() {
     let told = error(&format!("{GOOD}[[joint]]\nname = \"axis\"\nmoves = \"q\"\n"));
     assert!(told.contains("beside coordinates that are a table"), "{told}");
-    assert!(!error(&format!("{GOOD}colour = 1\n")).contains("table:"));
+    let told = error(&format!("gravity = \"down\"\n{GOOD}"));
+    assert!(told.contains("beside coordinates that are a table"), "{told}");
+    let told = error(&format!("colour = 1\n{GOOD}"));
+    assert!(told.contains("These are the keys of a model file") && !told.contains("that are a table"), "{told}");
 }
 
 /// Twenty-nine mistakes, each message with its line, column, what was found and what to do.

@@ -1,14 +1,19 @@
-//! Windows that are lost to rounding: where a motion loses itself within a window, products of its
-//! sensitivities are so large that nothing exact is left of them once the states are eliminated, and
-//! the square of a column comes out negative. One such window makes the Gram matrix of all indefinite.
+//! Windows that are lost to rounding.
+//!
+//! With the initial state S eliminated a window leaves of a column C the square
+//! CᵀC − CᵀS (SᵀS)⁻¹ SᵀC ≥ 0, in units of the noise. Where a motion loses itself within the window both
+//! terms are so large that nothing exact is left of their difference, and it comes out negative. One
+//! such window makes the Gram matrix of all indefinite. Lost digits that leave a square positive are not
+//! seen.
 
 use super::blocks::Part;
 use crate::statistics::median;
 
 /// Negative square of a column, over the median of the windows', from which nothing of a window is
-/// believed, and the share of the windows of which it may be so (by hand): where the states take a
-/// column up altogether, all its squares are nothing but rounding, of either sign.
+/// believed (by hand).
 const NEGATIVE: f64 = 0.1;
+/// Share of the windows that may be lost (by hand): where the states take a column up altogether, all
+/// its squares are nothing but rounding, of either sign.
 const FEW: f64 = 0.1;
 
 /// Leaves out the few windows in which the square of one of the `own` columns is negative; each is a
