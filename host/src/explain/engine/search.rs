@@ -30,6 +30,9 @@ const LEAST_KEPT: f64 = 0.5;
 /// hand: of 95 records two had such a one, both wrong; no right one grew by 2 %). A gap that is more
 /// than noise has to fall: of 332 records three had an effect with which it did not, all wrong.
 const FARTHER: f64 = 1.05;
+/// Why an effect is refused.
+const NO_NEARER: &str = "with it in the model predictions come no nearer to the record than without it";
+const BY_STEPS: &str = "it changes faster than the samples follow: with finer steps of integration it explains nothing";
 
 impl Run<'_> {
     /// Adds effects until nothing more is supported, none where nothing can be decided, and takes
@@ -119,7 +122,8 @@ impl Run<'_> {
             let gap = outcome.as_ref().map_or(f64::NAN, |o| self.gap(o));
             let kept = self.told.result.effects.is_empty()
                 || search.keeps(&self.told.state, outcome.as_ref().ok(), gap, &self.told.result);
-            let outcome = match (kept, search.kept.take()) {
+            let is_made_by_steps = kept && search.kept.is_some() && self.is_made_by_steps();
+            let outcome = match (kept && !is_made_by_steps, search.kept.take()) {
                 (false, Some(before)) => {
                     let is_moved = self.told.state.chosen.last().is_some_and(|c| c.candidate.is_moved);
                     let exchanged = before.gone.is_some();
@@ -128,7 +132,8 @@ impl Run<'_> {
                     if is_moved && !exchanged {
                         self.told.state.moved_in_vain.extend(refused.as_ref().map(Found::name));
                     } else {
-                        search.refuse(refused.as_ref(), exchanged);
+                        let why = if is_made_by_steps { BY_STEPS } else { NO_NEARER };
+                        search.refuse(refused.as_ref(), exchanged, why);
                     }
                     if !self.setting.shooting {
                         self.told.result.refuse(core::mem::take(&mut search.refused));
@@ -153,6 +158,11 @@ impl Run<'_> {
                 return Ok(outcome);
             }
         }
+    }
+
+    /// Whether steps of integration made what the last effect explains.
+    fn is_made_by_steps(&self) -> bool {
+        self.setting.shooting && !shooting::outlasts_finer_steps(&self.setting, &self.told.state)
     }
 
     /// Puts the next effect into the model, or another in the place of one that was found; the
@@ -336,12 +346,11 @@ impl Search {
         self.refused.retain(|r| times(&r.name()) > 1);
     }
 
-    fn refuse(&mut self, found: Option<&Found>, exchanged: bool) {
+    fn refuse(&mut self, found: Option<&Found>, exchanged: bool, why: &str) {
         if exchanged {
             self.vain.extend(found.map(Found::name));
             return;
         }
-        let why = "with it in the model predictions come no nearer to the record than without it";
         self.refused.extend(found.map(|f| Refused::new(&f.name(), why.to_owned())));
         self.tried.extend(found.map(Found::name));
     }

@@ -14,9 +14,9 @@ use super::by_inertia;
 use super::cut::{Cut, blocks_of};
 use super::forcing::{Additions, Forcing};
 use super::gram::Layout;
-use super::linear::{Linear, Measured, Normal};
+use super::linear::{Linear, Measured};
+use super::normal::Normal;
 use super::path::{FEWEST_SAMPLES, Path, Window};
-use super::rounding;
 use super::window_inputs::WindowInputs;
 use crate::identify::track::{ExogenousInputs, Track};
 use crate::model::flow::abreast::VectorField;
@@ -322,8 +322,7 @@ impl<'a> Course<'a> {
         let of = |(w, linear): (&Window, &Option<Linear>)| {
             Some(self.solve(&paths[w.stretch], (w, blocks), &fitted, linear.as_ref()?, false)?.parts)
         };
-        let mut found: Vec<Option<Vec<Vec<Part>>>> = all.par_iter().zip(linear).map(of).collect();
-        rounding::leave_out(&mut found, list.x.len());
+        let found: Vec<Option<Vec<Vec<Part>>>> = all.par_iter().zip(linear).map(of).collect();
         let kept = found.into_iter().zip(self.places(paths, all)).filter_map(|(parts, places)| Some((parts?, places)));
         let (parts, places): (Vec<_>, Vec<_>) = kept.unzip();
         let mut out = Blocks::new(parts.concat(), signs, list.x.clone());

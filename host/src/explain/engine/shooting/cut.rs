@@ -18,7 +18,7 @@ use nalgebra::DMatrix;
 use super::blocks::Part;
 use super::course::Course;
 use super::gram::Sums;
-use super::linear::Normal;
+use super::normal::Normal;
 use super::path::{FEWEST_SAMPLES, Path, Window, samples_of_path, windows};
 use super::{BLOCKS, MOST_SAMPLES, longest};
 use crate::explain::decidability::FEWEST_BLOCKS;

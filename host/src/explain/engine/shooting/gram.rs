@@ -53,6 +53,12 @@ impl Layout {
     }
 }
 
+/// Share of a column's square below which what is left of it without the first columns has lost
+/// digits: of sixteen seven are left.
+const LOST: f64 = 1e-9;
+/// What is added to products of the first columns, as a share, where rounding makes them indefinite.
+const SHIFT: f64 = 1e-13;
+
 /// Sums of products over rows that begin with `first` columns more than the layout has (an initial
 /// state), which go with all.
 #[derive(Clone, Debug)]
@@ -149,6 +155,56 @@ impl Sums {
     pub fn solved(&self, pinned: usize) -> Option<DMatrix<f64>> {
         let (square, coupling) = self.of_first(pinned);
         Some(square.cholesky()?.solve(&coupling))
+    }
+
+    /// The same layout without rows.
+    pub fn none(&self) -> Self {
+        Self::zeros(&self.layout, self.first)
+    }
+
+    /// The first columns as they are: [1 | 0 | 0] as [`Self::carried`] has it.
+    pub fn as_they_begin(&self) -> DMatrix<f64> {
+        DMatrix::identity(self.first, self.first + self.layout.columns + 1)
+    }
+
+    /// First columns by which fewer digits are lost, as [`Self::carried`] has them: their products
+    /// with one another are 1, and the others hardly go along with them. None where none are lost, or
+    /// nothing is known of the first.
+    pub fn better(&self, pinned: usize) -> Option<DMatrix<f64>> {
+        let (m, columns) = (self.first, self.layout.columns);
+        let (square, coupling) = self.of_first(pinned);
+        let (factor, is_definite) = match square.clone().cholesky() {
+            Some(factor) => (factor, true),
+            None => {
+                let shift = SHIFT * square.diagonal().amax();
+                ((square + DMatrix::from_diagonal_element(m, m, shift)).cholesky()?, false)
+            }
+        };
+        let solved = factor.solve(&coupling);
+        let is_lost = |j: usize| {
+            let whole = self.square(j);
+            whole - coupling.column(j).dot(&solved.column(j)) < LOST * whole
+        };
+        if is_definite && !(0..=columns).any(is_lost) {
+            return None;
+        }
+        let mut out = -solved.insert_columns(0, m, 0.0);
+        out.columns_mut(0, m).copy_from(&factor.l().tr_solve_lower_triangular(&DMatrix::identity(m, m))?);
+        out.iter().all(|x| x.is_finite()).then_some(out)
+    }
+
+    /// The square of one of the columns behind the first, or of the target, whose number is that of
+    /// the columns.
+    fn square(&self, column: usize) -> f64 {
+        let (m, Layout { own, columns, groups, group_of }) = (self.first, &*self.layout);
+        if column == *columns {
+            return self.head[(m + own, m + columns)];
+        }
+        let Some(group) = column.checked_sub(*own).map(|k| group_of[k]) else {
+            return self.head[(m + column, m + column)];
+        };
+        let within = column - groups[group].0;
+        self.groups[group][(within, within)]
     }
 
     /// What is left of these rows with the first as `solved` of more rows than these: such parts add

@@ -12,13 +12,13 @@
 //! parameters, strengths and sensor laws alike. No solution has to be found first, and what is far
 //! from one still has its columns.
 
-use core::ops::{AddAssign, Range};
+use core::ops::Range;
 use std::sync::Arc;
 
 use nalgebra::{DMatrix, DVector};
 
-use super::cut::{Block, Cut};
-use super::gram::{Gram, Layout, Sums};
+use super::gram::{Layout, Sums};
+use super::normal::{Normal, Segment};
 use super::strips::{Along, STRIP, Strip};
 use super::window_inputs::WindowInputs;
 use crate::model::dynamics::Dynamics;
@@ -52,25 +52,6 @@ pub struct Measured<'a> {
     pub sigma: &'a [f64],
     /// Additions of columns to what a sensor shows: column, sensor, values.
     pub laws: Vec<(usize, usize, Vec<f64>)>,
-}
-
-/// A state behind another: of s'' = [P | Q | −r] (s', c, 1) what s' = [P' | Q' | −r'] (s, c, 1) makes.
-fn behind(map: &DMatrix<f64>, before: &DMatrix<f64>) -> DMatrix<f64> {
-    let (d, width) = map.shape();
-    let mut out = map.columns(0, d) * before;
-    out.columns_mut(d, width - d).add_assign(&map.columns(d, width - d));
-    out
-}
-
-/// Normal equations of a window.
-pub struct Normal {
-    /// Sums of products of the initial state, the columns and the target, all rows in units of the
-    /// noise.
-    sums: Sums,
-    /// Rows.
-    pub rows: usize,
-    /// How many of the initial state's last entries are at nothing.
-    pinned: usize,
 }
 
 impl Linear {
@@ -167,64 +148,17 @@ impl Linear {
         Some(())
     }
 
-    /// The normal equations of a window over columns whose accelerations from one point to another
-    /// `alpha` gives (see [`super::forcing::Driven::between`]), and those of its blocks. None where
-    /// `alpha` has none.
-    pub fn normal(
-        &self,
-        states: &[f64],
-        mut alpha: impl FnMut(Range<usize>, &mut Vec<f64>) -> Option<()>,
-        layout: &Arc<Layout>,
-        measured: &Measured<'_>,
-        cut: Cut,
-    ) -> Option<(Normal, Vec<Block>)> {
-        let m = 2 * measured.shown.first().map_or(0, Vec::len);
-        let (count, d) = (states.len() / m, self.size);
-        let width = d + layout.columns + 1;
-        let none = || Normal { sums: Sums::zeros(layout, d), rows: 0, pinned: d - m };
-        let (mut whole, mut blocks) = (none(), Vec::with_capacity(cut.blocks));
-        let mut accelerations = Vec::new();
-        // A state by that with which the window, or the block, begins, the columns, and what defects
-        // add up to.
-        let mut map = DMatrix::identity(d, width);
-        for own in cut.ranges(count) {
-            let (mut alone, mut segments, mut local) = (none(), Vec::new(), DMatrix::identity(d, width));
-            for first in own.clone().step_by(cut.segment) {
-                let end = (first + cut.segment).min(own.end);
-                alpha(first * self.each..end.min(count - 1) * self.each + 1, &mut accelerations)?;
-                let (part, z) = self.segment(states, &accelerations, layout, measured, first..end);
-                part.sums.carried(&local, &mut alone.sums);
-                alone.rows += part.rows;
-                if end - first == cut.segment {
-                    segments.push(part);
-                }
-                if end < count {
-                    let mut z = DMatrix::from_row_slice(d, width, &z);
-                    z.column_mut(width - 1).neg_mut();
-                    local = behind(&z, &local);
-                }
-            }
-            let mut of_window = Sums::zeros(layout, d);
-            alone.sums.carried(&map, &mut of_window);
-            map = behind(&local, &map);
-            whole.sums.add(&of_window);
-            whole.rows += alone.rows;
-            blocks.push(Block { of_window, alone, segments });
-        }
-        Some((whole, blocks))
-    }
-
     /// Sums over a range of samples, between which the columns' accelerations are `alpha`, and what
-    /// deviations there make of the state at its end: rows by the first state, the columns, and
-    /// the defects. Columns are carried along in strips that stay in the cache.
-    fn segment(
+    /// deviations there make of the state at its end. Columns are carried along in strips that stay in
+    /// the cache.
+    pub(super) fn segment(
         &self,
         states: &[f64],
         alpha: &[f64],
         layout: &Arc<Layout>,
         measured: &Measured<'_>,
         samples: Range<usize>,
-    ) -> (Normal, Vec<f64>) {
+    ) -> Segment {
         let (columns, sensors) = (layout.columns, measured.shown.len());
         let (m, d) = (2 * measured.shown.first().map_or(0, Vec::len), self.size);
         let count = states.len() / m;
@@ -244,7 +178,9 @@ impl Linear {
             });
             strip.place(&ends, &mut z, d + layout.columns + 1);
         }
-        (Normal { sums, rows, pinned: d - m }, z)
+        let mut map = DMatrix::from_row_slice(d, d + columns + 1, &z);
+        map.column_mut(d + columns).neg_mut();
+        Segment { normal: Normal::new(sums, rows, d - m), map }
     }
 
     /// Rows of a strip that begins with the first state and ends with the target: what the model
@@ -312,27 +248,6 @@ impl Linear {
         }
         let greatest = squares.iter().map(|s| (s / count.max(1) as f64).sqrt()).fold(0.0, f64::max);
         (out, greatest)
-    }
-}
-
-impl Normal {
-    /// The Gram matrix with the initial state eliminated; none where the record does not determine
-    /// it.
-    pub fn reduced(&self) -> Option<Gram> {
-        self.sums.reduced(self.pinned)
-    }
-
-    /// The initial state for every column and the target; none where the record does not determine
-    /// it.
-    pub fn solved(&self) -> Option<DMatrix<f64>> {
-        self.sums.solved(self.pinned)
-    }
-
-    /// The initial step that goes with a step of the first columns.
-    pub fn start(&self, step: &DVector<f64>) -> Option<DVector<f64>> {
-        let (square, coupling) = self.sums.of_first(self.pinned);
-        let right = coupling.column(coupling.ncols() - 1) - coupling.columns(0, step.len()) * step;
-        Some(square.cholesky()?.solve(&right))
     }
 }
 

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::super::cut::Cut;
 use super::super::forcing::{Additions, Forcing};
 use super::*;
 use crate::explain::ranking::solve;
@@ -135,6 +136,52 @@ fn the_adjoint_gives_the_products_with_what_is_left() {
         for (column, found) in (1..4).zip(&products) {
             let (wanted, found) = (gram.chosen(&[column])[(0, 1)], found.iter().sum::<f64>());
             assert!((found - wanted).abs() < 1e-7 * wanted.abs(), "{points} {column}: {found} {wanted}");
+        }
+    }
+}
+
+/// Where the state and the columns grow by 10⁹ along one direction, what is left of the columns'
+/// products without it is that of an orthogonal basis of the state, row by row.
+#[test]
+fn digits_outlast_what_grows() {
+    let model = ModelFile::parse(TEXT, Path::new("m.toml")).unwrap();
+    let motion = EquationsOfMotion::new(&model, 1.0).unwrap();
+    let p = [0.1, 0.05, -9.0, 0.0];
+    let path: Vec<f64> = (0..COUNT)
+        .map(|k| k as f64 * STEP_S)
+        .flat_map(|t| [t.sin() + 0.3 * (2.3 * t).sin(), t.cos() + 0.69 * (2.3 * t).cos()])
+        .collect();
+    let stretch = record(&path);
+    let between = track::ExogenousInputs::new(&stretch, 0.0);
+    let terms: Additions = model.equations[0].terms.iter().enumerate().map(|(k, t)| (k, 0, t.of.clone())).collect();
+    let forcing = Forcing::new(&model, 1.0, &p, &[], 4, &terms);
+    let measured =
+        Measured { values: stretch.coordinates[0].clone(), shown: &[vec![1.0]], sigma: &[1e-3], laws: Vec::new() };
+    let exogenous = WindowInputs { stretch: &stretch, between: &between, first: 0, omega: 0.0, points: 1 };
+    let field = VectorField { motion: &motion, parameters: &p };
+    let linear = Linear::new(&path, &exogenous, field, &[]).unwrap();
+    let driven = forcing.on(&linear.points, &linear.accelerations, &exogenous);
+    let alpha = driven.all().unwrap();
+    let along = Along { alpha: &alpha, columns: 4, measured: &measured, samples: 0..COUNT, last: COUNT - 1 };
+    let (rows, _) = linear.head(&path, &Strip { lead: 2, columns: 0..4, trail: 1 }, &along);
+    let rows = rows.transpose();
+    assert!(rows.columns(0, 2).amax() > 1e9 * rows.row(0).amax());
+    // The state's columns are nearly one: an orthogonal basis of one and what is left of the other.
+    let basis = rows.columns(0, 2).into_owned().qr().q();
+    let project = |x: DMatrix<f64>| &x - &basis * (basis.transpose() * &x);
+    let left = project(project(rows.columns(2, 5).into_owned()));
+    let wanted = left.transpose() * &left;
+    for layout in [Layout::new(4, &[]), Layout::new(0, &[4])] {
+        let mut registers = Registers::default();
+        let between = |points, to: &mut Vec<f64>| driven.between(points, &mut registers, to);
+        let cut = Cut { blocks: 1, segment: 20 };
+        let (normal, blocks) = linear.normal(&path, between, &layout, &measured, cut).unwrap();
+        let (all, alone) = (normal.reduced().unwrap(), blocks[0].alone.reduced().unwrap());
+        let (all, alone) = (all.chosen(&[0, 1, 2, 3]), alone.chosen(&[0, 1, 2, 3]));
+        for (i, j) in (0..5).flat_map(|i| (0..5).map(move |j| (i, j))) {
+            let size = (wanted[(i, i)] * wanted[(j, j)]).sqrt();
+            assert!((all[(i, j)] - wanted[(i, j)]).abs() < 1e-6 * size, "{i} {j}: {all} {wanted}");
+            assert!((alone[(i, j)] - wanted[(i, j)]).abs() < 1e-6 * size);
         }
     }
 }

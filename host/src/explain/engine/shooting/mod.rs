@@ -28,7 +28,8 @@
 //! | [`course`] | the record while columns are fitted to it |
 //! | [`forcing`] | accelerations by every column |
 //! | [`by_inertia`](mod@by_inertia) | what strengths do while inertias follow from coefficients |
-//! | [`linear`] | a window's normal equations |
+//! | [`linear`] | the model's flow about a window's path |
+//! | [`normal`](mod@normal) | a window's normal equations |
 //! | [`strips`](mod@strips) | columns carried along a window together |
 //! | [`gram`] | sums of products of the columns that are fitted together |
 //! | [`adjoint`] | how what is left of a window pulls on the force at every instant |
@@ -41,6 +42,7 @@
 //! | [`astray`](mod@astray) | windows that were led to another solution |
 //! | [`stage`](mod@stage) | windows of one length until they stand still |
 //! | [`steps`] | steps of integration that do not show |
+//! | [`finer`] | what is left of an effect in finer ones |
 //! | [`signs`] | coefficients that keep their sign |
 //! | [`window_inputs`] | time, phase, inputs along a window |
 
@@ -51,14 +53,15 @@ mod by_inertia;
 mod coloured;
 mod course;
 mod cut;
+mod finer;
 mod forcing;
 mod gram;
 mod left_out;
 mod linear;
+mod normal;
 mod path;
 mod quieter;
 mod remade;
-mod rounding;
 pub mod signs;
 mod slipped;
 mod stage;
@@ -74,6 +77,7 @@ use self::blocks::Blocks;
 pub use self::coloured::{Coloured, coloured};
 use self::course::{Course, List};
 pub use self::cut::{LONG_PART, fewest_of_part, is_short, most_blocks};
+pub use self::finer::outlasts_finer_steps;
 use self::linear::Linear;
 pub use self::path::samples_of_path;
 use self::path::{FEWEST_SAMPLES, Path, Window, windows};
