@@ -50,6 +50,16 @@ pub(crate) fn any(channels: &[Channel]) -> bool {
     channels.iter().any(|c| expression(c).is_some())
 }
 
+/// Whether two channels have a column in common: neither then comes later than the other.
+pub(crate) fn share_a_column(a: &Channel, b: &Channel) -> bool {
+    let Ok(all) = sources(&[a.clone(), b.clone()], Path::new("")) else { return false };
+    let holds = |from: &From, column: usize| match from {
+        From::Column(own) => *own == column,
+        From::Expression(formula) => formula.any(&|c| c == column),
+    };
+    (0..all.columns.len()).any(|column| all.channels.iter().all(|from| holds(from, column)))
+}
+
 /// The error for a channel that is computed where columns are written.
 ///
 /// # Errors
@@ -244,6 +254,14 @@ mod tests {
             format!("{:.2},{},{},{gap}\n", f64::from(i) * 0.01, i * i % 97, 5 * i % 61)
         };
         "t,a,b,Winkel 1 (deg)\n".to_owned() + &(0..60).map(row).collect::<String>()
+    }
+
+    #[test]
+    fn channels_share_columns() {
+        let channels = ["=sqrt(a^2 + b^2)", "=atan2(a, b)", "=2*c", "b", "c"].map(|name| Channel::new(name, "mm"));
+        let share = |i: usize, k: usize| share_a_column(&channels[i], &channels[k]);
+        assert_eq!([share(0, 1), share(0, 3), share(3, 1), share(4, 2)], [true; 4]);
+        assert_eq!([share(0, 2), share(3, 2), share(3, 4), share(4, 1)], [false; 4]);
     }
 
     #[test]

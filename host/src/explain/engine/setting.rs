@@ -32,6 +32,7 @@ use crate::model::model_file::ModelFile;
 use crate::model::model_file::expression::{Expression, Function, Node, Symbol, multiple};
 use crate::record::Record;
 use crate::rig::Rig;
+use crate::rig::computed::share_a_column;
 use crate::rig::measures::ObservedModel;
 use crate::system::language::SystemFile;
 use crate::system::mechanism::Mechanism;
@@ -221,6 +222,12 @@ impl<'a> Setting<'a> {
         self.entries.iter().any(|e| e.shapes.iter().any(|s| s.of_lines))
     }
 
+    /// Whether a sensor comes of the same columns as the first.
+    fn is_of_the_first(&self, sensor: usize) -> bool {
+        let channel = |k: usize| &self.rig.channel[self.bound.sensors[k]];
+        share_a_column(channel(0), channel(sensor))
+    }
+
     /// Every candidate: each effect at each of its places in each of its forms; `lines` are the
     /// frequencies, Hz, of lines in what is left.
     pub fn candidates(&self, physical: &Physical, lines: &Lines) -> Vec<Candidate> {
@@ -239,6 +246,10 @@ impl<'a> Setting<'a> {
                     continue;
                 }
                 if matches!(place, Place::Between(i, j) if !units::alike(self.rig, self.whole, i, j)) {
+                    continue;
+                }
+                // A delay is told against the first channel.
+                if matches!(place, Place::Encoder(k) if entry.id == "channel-delay" && self.is_of_the_first(k)) {
                     continue;
                 }
                 if !wanted(&format!("{}@{}", entry.id, place.name(file))) {

@@ -7,6 +7,7 @@ use super::scene::Scene;
 use super::undo::Undo;
 use crate::model::model_file::Space;
 use crate::rig::Channel;
+use crate::rig::computed::share_a_column;
 
 /// Counts a turn that encoders are sold with, lines and their quadrature.
 pub(crate) const COUNTS: [u32; 32] = [
@@ -105,7 +106,9 @@ pub(super) fn kinds(scene: &Scene) -> Vec<Undo> {
         out.push(Undo::Drive(0.0));
     }
     let most_s = MOST_LAG * scene.stretches.first().map_or(0.0, |s| s.step_s);
-    out.extend((1..channels(scene).len()).map(|signal| Undo::Lag { signal, delay_s: 0.0, drift: 0.0, most_s }));
+    let channels = channels(scene);
+    let own = (1..channels.len()).filter(|&k| !share_a_column(channels[0], channels[k]));
+    out.extend(own.map(|signal| Undo::Lag { signal, delay_s: 0.0, drift: 0.0, most_s }));
     let angles = |set: &Vec<usize>| set.iter().all(|&i| is_angle(scene, i));
     out.extend(sets(scene.sensors.sigma.len()).into_iter().filter(angles).map(|set| Undo::Scale(set, 1.0)));
     out
