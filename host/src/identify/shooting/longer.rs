@@ -107,10 +107,19 @@ fn error(outcome: &Outcome) -> f64 {
     mean_error(&outcome.covariance.estimate, &free)
 }
 
+/// What is expected that long pieces leave more than short ones, in squares of the noise.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Expected {
+    /// Mean.
+    pub mean: f64,
+    /// Variance.
+    pub variance: f64,
+}
+
 /// Standard errors by which the model leaves more over long pieces than over short ones, of `states`
-/// each: with the noise alone a state that is not fitted leaves one square of it, with a variance of
+/// each, and than `expected`: with the noise alone a state that is not fitted leaves one square of it, with a variance of
 /// two, and so does a value that the other did not have.
-pub fn excess(short: &Outcome, long: &Outcome, states: usize) -> f64 {
+pub fn excess(short: &Outcome, long: &Outcome, states: usize, expected: Expected) -> f64 {
     let of = |o: &Outcome| {
         let square = o.noise_ratio.iter().map(|r| r * r).sum::<f64>() / o.noise_ratio.len().max(1) as f64;
         (square, o.values as f64, o.values as f64 - (states * o.pieces.len()) as f64)
@@ -118,7 +127,8 @@ pub fn excess(short: &Outcome, long: &Outcome, states: usize) -> f64 {
     let ((noise, fewer, short), (left, values, long)) = (of(short), of(long));
     let states_fewer = long - short * values / fewer;
     let variance = 2.0 * (states_fewer.abs() + (values - fewer).abs());
-    (left - noise) * long / (noise * variance.max(1.0).sqrt())
+    let variance = variance.max(1.0) * (noise / long).powi(2) + expected.variance;
+    (left - noise - expected.mean) / variance.sqrt()
 }
 
 /// The mean logarithm of the standard errors of some parameters: how much a fit tells.

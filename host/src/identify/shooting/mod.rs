@@ -16,6 +16,7 @@ pub mod covariance;
 pub mod finer;
 pub mod first_step;
 pub mod longer;
+mod noisy_inputs;
 pub mod problem;
 mod result;
 pub mod run;
@@ -372,7 +373,11 @@ fn shoot_pieces(
         let tells_more = |o: &Outcome| holds(o) && error(o) < error(outcome);
         if let Some((more, length)) = longer(&problem, track, &from, &mut tick).filter(|m| tells_more(&m.0)) {
             let longest_s = length as f64 * track.spacing_s;
-            if longer::excess(outcome, &more, problem.states()) > CLEARLY {
+            let excess = |expected| longer::excess(outcome, &more, problem.states(), expected);
+            let is_clear = excess(longer::Expected::default()) > CLEARLY
+                && noisy_inputs::more(given, &problem, outcome, &more)
+                    .is_none_or(|by_inputs| excess(by_inputs) > CLEARLY);
+            if is_clear {
                 let shortest_s = levels_s.last().copied().unwrap_or(0.0);
                 adds_up = Some(result::adds_up((shortest_s, outcome), (longest_s, &more)));
             }
