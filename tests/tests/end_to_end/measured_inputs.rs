@@ -79,3 +79,22 @@ fn the_noise_of_a_force_is_expected() {
         assert!(ratio > 0.5 && ratio < 5.0, "{seed}: {ratio}");
     }
 }
+
+/// It goes through the system and adds up over long pieces as what a model misses does, which a
+/// faint friction still does beside less of it.
+#[test]
+fn the_noise_of_a_measured_force_is_nothing_that_the_model_misses() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let model = repository("models/duffing.toml").display().to_string();
+    let friction = " --effect coulomb-friction@x=0.0005";
+    for (noise, effect, seed) in [(0.004, "", 1), (0.004, "", 3), (0.001, friction, 1)] {
+        let noisy = format!("noise = {{ x = 1e-4, force = {noise} }}");
+        let mended = [("noise = { x = 1e-4 }", noisy.as_str()), ("../models/duffing.toml", &model)];
+        rig_file(at, "duffing.toml", "rig.toml", &mended);
+        done(at, &format!("simulate --rig rig.toml --seconds 100 --seed {seed} -o r.csv --force{effect}"));
+        let (_, warnings) = warned(at, "identify", "rig.toml");
+        let is_told = warnings.iter().any(|w| w["id"] == "misses-over-long");
+        assert_eq!(is_told, !effect.is_empty(), "{effect} {seed}: {warnings:?}");
+    }
+}
