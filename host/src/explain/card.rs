@@ -32,6 +32,7 @@ pub fn card(e: &Explanation, rig: &Rig) -> Card {
     if e.verdict != Verdict::NotDecidable {
         out.equations = e.model.as_ref().and_then(|m| equations(m, rig));
         out.parameters = parameters(e, out.equations.as_ref(), rig);
+        out.remarks = (e.verdict == Verdict::Unexplained).then(|| OFF_BY_MORE.to_owned()).into_iter().collect();
         out.gap = gap(e);
         out.picture = e.prediction.clone();
         let test = |f: &Found| format!("{}: {}.", names::capitalised(&names::effect(&f.name())), f.confirm);
@@ -51,6 +52,10 @@ pub fn equations(model: &IdentifiedModel, rig: &Rig) -> Option<WrittenOut> {
     }
     Some(out)
 }
+
+/// What intervals are not, where something is missing.
+const OFF_BY_MORE: &str = "Something is still missing, which moves these values: they may be off by more than their intervals, which hold the \
+    scatter along the record alone.";
 
 /// What a number of noise floors is a multiple of.
 const NOISE: &str = " times the sensors' noise";

@@ -92,6 +92,14 @@ fn open(what: Criterion, value: f64, reason: Reason) -> Explanation {
     e
 }
 
+/// What is still missing moves parameters, whatever their scatter.
+#[test]
+fn intervals_of_a_model_that_misses_something_are_told_for_what_they_are() {
+    let e = open(Criterion::Power, 3.0, Reason::Excess { residual: residual(), shape: None, changed: None });
+    assert!(card(&e, &rig()).text().contains("Something is still missing, which moves these values"));
+    assert!(!card(&explained(), &rig()).text().contains("still missing"));
+}
+
 /// Whatever the horizon of the gap: the JSON tells the same number.
 #[test]
 fn a_verdict_of_noise_tells_the_number_that_decided_it() {
