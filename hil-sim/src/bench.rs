@@ -54,6 +54,8 @@ pub(crate) struct Bench {
     /// The same of the base: displacement (m) and acceleration (m/s²) along the drive.
     held_base: VecDeque<[f64; 2]>,
     lead: u32,
+    /// Share of the record that is over at the tick that the encoders show; nothing before it begins.
+    share: f64,
 }
 
 impl Bench {
@@ -82,6 +84,7 @@ impl Bench {
             held: [VecDeque::new(), VecDeque::new()],
             held_base: (0..=lead).map(|_| [0.0; 2]).collect(),
             lead,
+            share: 0.0,
         };
         // Before the start the arms are taken to have been at rest.
         let [theta1, theta2] = bench.angles();
@@ -108,7 +111,7 @@ impl Bench {
     pub(crate) fn shown(&self) -> [f64; 2] {
         [0, 1].map(|i| {
             let angle = self.held[i].front().copied().unwrap_or(0.0);
-            self.sensors[i].iter().fold(angle, |angle, law| law.shown(angle))
+            self.sensors[i].iter().fold(angle, |angle, law| law.shown(angle, self.share))
         })
     }
 
@@ -140,6 +143,9 @@ impl Bench {
             held.push_back(angle);
             held.pop_front();
         }
+        let shown_s = time_s + self.tick_s * (1.0 - f64::from(self.lead));
+        let record_s = self.shaker.record_s;
+        self.share = if record_s > 0.0 { shown_s.max(0.0) / record_s } else { 0.0 };
         Ok(())
     }
 

@@ -147,6 +147,8 @@ pub struct DriveAdditions {
 pub enum SensorLaw {
     /// θ + b.
     Offset(f64),
+    /// θ + b t/T, t from the record's start, T its length.
+    Drift(f64),
     /// (1 + s) θ, of the unwrapped angle.
     Scale(f64),
     /// θ + e sin(θ + ψ).
@@ -154,10 +156,11 @@ pub enum SensorLaw {
 }
 
 impl SensorLaw {
-    /// The angle shown, of the true one, rad.
-    pub fn shown(&self, angle: f64) -> f64 {
+    /// The angle shown, of the true one, rad, when a share t/T of the record is over.
+    pub fn shown(&self, angle: f64, share: f64) -> f64 {
         match *self {
             Self::Offset(b) => angle + b,
+            Self::Drift(b) => angle + b * share,
             Self::Scale(s) => (1.0 + s) * angle,
             Self::Eccentricity(e, phase) => angle + e * libm::sin(angle + phase),
         }

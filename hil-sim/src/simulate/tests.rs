@@ -65,6 +65,19 @@ fn encoder_errors_act_on_the_measurement_alone() {
 }
 
 #[test]
+fn a_zero_that_drifts_adds_up_over_the_record() {
+    let mut settings = with(&[]);
+    (settings.record_s, settings.settle_s) = (2.0, 0.5);
+    let plain = simulate(&settings, 500);
+    settings.effects = with(&["zero-drift@encoder2=0.3"]).effects;
+    for (k, (a, b)) in plain.iter().zip(simulate(&settings, 500)).enumerate() {
+        let share = k as f64 * 0.002 / 2.0;
+        assert_eq!(a.angles[0], b.angles[0]);
+        assert!((b.angles[1] - a.angles[1] - 0.3 * share).abs() < 1e-12, "{k}");
+    }
+}
+
+#[test]
 fn a_delayed_channel_shows_what_the_other_showed_before() {
     let plain = simulate(&with(&[]), 500);
     // Whole ticks: exactly the sample of before; encoder 1 and phase stay.

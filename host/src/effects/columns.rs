@@ -10,6 +10,7 @@
 use std::sync::Arc;
 
 use super::along_an_arm;
+use super::at_a_point;
 use super::between;
 use super::entry::{Entry, Form, MASS, Verb};
 use super::on_a_frame;
@@ -181,6 +182,10 @@ pub fn action(
         }
         (Place::Arm(k), Verb::Drags) if !file.written => {
             let found = along_an_arm::parts(entry, form, k, mechanism, words, omega)?;
+            Ok(found.map(Action::Force))
+        }
+        (Place::Body(k), Verb::Drags) => {
+            let found = at_a_point::parts(entry, form, k, mechanism, words, omega)?;
             Ok(found.map(Action::Force))
         }
         (Place::Drive, Verb::Moves) => {

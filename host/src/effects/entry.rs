@@ -27,6 +27,8 @@ pub enum At {
     Between,
     /// An arm.
     Arm,
+    /// A body that is a mass at a point.
+    Body,
     /// The driven point.
     Drive,
     /// The frame that carries everything.
@@ -48,7 +50,7 @@ pub const MASS: &str = "mass";
 pub enum Verb {
     /// Does work.
     Force,
-    /// Does work all along an arm, a force per length.
+    /// Does work all along an arm, a force per length, or at a body, a force per velocity.
     Drags,
     /// Displaces the driven point, or all that a frame carries.
     Moves,

@@ -2,9 +2,8 @@
 //! of a user's own files.
 //!
 //! An entry says how an effect acts, by one of six verbs: `force` does work at a joint, between two
-//! coordinates or at an arm, `drags` all along an arm, `moves` displaces the driven point or all
-//! that a frame carries,
-//! `advances` the drive's phase, `turns` a body's centroid or gravity, `reads` is what an encoder
+//! coordinates or at an arm, `drags` all along an arm or at a mass at a point, `moves` displaces the
+//! driven point or all that a frame carries, `advances` the drive's phase, `turns` a body's centroid or gravity, `reads` is what an encoder
 //! shows. Its strengths enter linearly; shape parameters (the order of cogging, the velocity of
 //! Stribeck's law) are tried on a grid. What an entry adds to the equations of a system derived
 //! from bodies is in [`columns`]. `docs/effects.md` is the user's page.
@@ -15,10 +14,11 @@
 //! | [`states`] | internal states of an effect |
 //! | [`kinds`] | what kind of effect a law is: of a position, one that brakes |
 //! | [`value`] | strengths to what is reported |
-//! | [`places`] | where a system has joints, pairs of coordinates, arms, a drive, a frame, encoders |
+//! | [`places`] | where a system has joints, pairs of coordinates, arms, masses at points, a drive, a frame, encoders |
 //! | [`put_in`] | effects of a simulation |
 //! | [`columns`] | what an effect of strength one adds to every equation |
 //! | [`along_an_arm`] | the same for a force per length along an arm |
+//! | [`at_a_point`] | the same for a force along the velocity of a mass at a point |
 //! | [`on_a_record`] | what is added to sensors and to records of inputs, put on and taken off |
 //! | [`on_a_frame`] | the same for a frame that gives way |
 //! | `turned` | a centroid off its line, gravity in a frame that leans |
@@ -27,6 +27,7 @@
 //! | [`written`] | the same for equations that a user wrote down |
 
 pub mod along_an_arm;
+pub mod at_a_point;
 pub mod between;
 pub mod changes;
 pub mod columns;

@@ -1,11 +1,11 @@
 //! Where effects can act on a system derived from bodies: joints, pairs of coordinates, arms, the
 //! driven point, gravity's frame, encoders, measured inputs.
 
-use super::between;
 use super::columns::LOAD;
 use super::entry::{At, Entry, Verb};
 use super::on_a_frame;
 use super::written::load::hung;
+use super::{at_a_point, between};
 use crate::model::model_file::Space;
 use crate::model::model_file::expression::{Function, Symbol};
 use crate::rig::measures::ObservedModel;
@@ -23,6 +23,8 @@ pub enum Place {
     Between(usize, usize),
     /// Arm, by its number among the bodies.
     Arm(usize),
+    /// Mass at a point, by its number among the bodies.
+    Body(usize),
     /// The driven point.
     Drive,
     /// What carries everything.
@@ -40,7 +42,7 @@ impl Place {
             Self::Joint(k) => file.joints[k].name.clone(),
             // Names of coordinates have no hyphen.
             Self::Between(i, j) => format!("{}-{}", file.coordinates[i].0.name, file.coordinates[j].0.name),
-            Self::Arm(k) => match &file.bodies[k].value {
+            Self::Arm(k) | Self::Body(k) => match &file.bodies[k].value {
                 Body::Arm { name, .. } | Body::Free { name, .. } => name.clone(),
             },
             Self::Drive => "drive".to_owned(),
@@ -150,6 +152,7 @@ pub fn of(entry: &Entry, file: &SystemFile, bound: &ObservedModel) -> Vec<Place>
             .filter(|_| entry.verb != Verb::Drags || !file.written)
             .map(Place::Arm)
             .collect(),
+        At::Body => (0..file.bodies.len()).filter(|&k| at_a_point::moves(file, k)).map(Place::Body).collect(),
         At::Drive => match drive(file) {
             // One law has two names: by the direction across the drive.
             Some(d) if entry.alias => {
@@ -201,6 +204,9 @@ fn shows_angle(file: &SystemFile, bound: &ObservedModel, sensor: usize) -> bool 
 /// does work on.
 pub fn equation(place: Place, mechanism: &Mechanism) -> Option<(usize, Polynomial)> {
     let file = mechanism.file.as_deref()?;
+    if let Place::Body(k) = place {
+        return at_a_point::equation(k, mechanism);
+    }
     let moves = match place {
         Place::Joint(_) | Place::Between(..) => place.moves(file)?,
         Place::Arm(k) => file.bodies[k].value.angle()?.clone(),

@@ -172,6 +172,7 @@ fn place_wanted(names: &[String], entry: &Entry) -> String {
                                       a torsion-spring is this)"
             .to_owned(),
         ([], At::Arm) => "a system with an arm: a body that has an angle (docs/effects.md)".to_owned(),
+        ([], At::Body) => "a system from bodies, one of them a mass at a point that moves (docs/effects.md)".to_owned(),
         ([], At::Drive) => "a system with a drive".to_owned(),
         ([], At::Input) => "a system with a measured input".to_owned(),
         ([], At::Encoder) if entry.turning => "a system with a channel that shows an angle".to_owned(),

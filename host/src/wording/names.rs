@@ -23,6 +23,9 @@ pub fn effect(name: &str) -> String {
     if let ("coupling-stiffness", Some((one, other))) = (id, at.split_once('-')) {
         return format!("{words} between {one} and {other}");
     }
+    if id == "body-drag" {
+        return format!("drag on {at}");
+    }
     match letters {
         "joint" => format!("{words} in {}", numbered("joint")),
         "arm" => format!("{words} on {}", numbered("arm")),
@@ -130,6 +133,7 @@ mod tests {
             ("power-law-damping@joint1", "power-law damping in joint 1"),
             ("coupling-stiffness@x1-x2", "coupling stiffness between x1 and x2"),
             ("cubic-stiffness@q", "cubic stiffness at q"),
+            ("body-drag@load", "drag on load"),
             ("refit", "refit"),
         ] {
             assert_eq!(effect(name), plain);

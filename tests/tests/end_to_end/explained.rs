@@ -56,6 +56,16 @@ fn an_offset_of_half_a_count_is_told_as_how_counts_were_made() {
     assert!(f.confirm.contains("half a count"), "{}", f.confirm);
 }
 
+/// A sensor that warms up.
+#[test]
+fn a_zero_that_drifts_is_named_with_how_far() {
+    let e = explained("chaotic.toml", &["zero-drift@encoder2=0.01"], 40.0, 4);
+    assert_eq!(e.verdict, Verdict::Explained, "{}", e.reason);
+    let [f] = &e.effects[..] else { panic!("{:?}", e.effects) };
+    assert_eq!((f.id.as_str(), f.at.as_str(), f.unit.as_str()), ("zero-drift", "encoder2", "rad"));
+    assert!((f.value - 0.01).abs() < 4.0 * f.std_error && f.std_error < 1e-4, "{} ± {}", f.value, f.std_error);
+}
+
 /// A spring whose torque jumps where the arm turns over: what the jump does is located.
 #[test]
 fn a_stiff_law_in_a_joint_that_whirls_leaves_nothing() {

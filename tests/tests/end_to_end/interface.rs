@@ -61,7 +61,7 @@ fn usage_errors_end_with_status_2_and_lists_with_0() {
         "drive-harmonic-2 drive-harmonic-3 amplitude-drift frequency-offset zero-offset scale-error eccentricity",
         "channel-delay quintic-stiffness friction-ripple friction-drift power-law-damping stiffness-modulation",
         "local-force distributed-drag dahl-friction lugre-friction hysteresis relaxation play tone coupling-stiffness",
-        "resonator input-gain input-offset input-delay time-base",
+        "resonator input-gain input-offset input-delay time-base zero-drift body-drag",
     ]
     .iter()
     .flat_map(|line| line.split(' '))

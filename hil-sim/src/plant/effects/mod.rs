@@ -177,6 +177,7 @@ pub const LIST: &[EffectInfo] = &[
     drive::AMPLITUDE_DRIFT,
     drive::FREQUENCY_OFFSET,
     sensors::ZERO_OFFSET,
+    sensors::ZERO_DRIFT,
     sensors::SCALE_ERROR,
     sensors::ECCENTRICITY,
     sensors::CHANNEL_DELAY,

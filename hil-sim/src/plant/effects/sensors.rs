@@ -14,6 +14,16 @@ pub(super) const ZERO_OFFSET: EffectInfo = EffectInfo {
     apply: |a, place, value, _| a.sensors[place.index()].push(SensorLaw::Offset(value)),
 };
 
+pub(super) const ZERO_DRIFT: EffectInfo = EffectInfo {
+    id: "zero-drift",
+    places: ENCODERS,
+    unit: "rad",
+    parameters: &[],
+    equation: "theta + b t/T, t from the record's start, T its length",
+    range: Range::between(-100.0, 100.0),
+    apply: |a, place, value, _| a.sensors[place.index()].push(SensorLaw::Drift(value)),
+};
+
 pub(super) const SCALE_ERROR: EffectInfo = EffectInfo {
     id: "scale-error",
     places: ENCODERS,

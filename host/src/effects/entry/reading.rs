@@ -17,23 +17,24 @@ use crate::system::polynomial::{Atom, Polynomial};
 use crate::system::words::{Value as Word, Words};
 
 /// Kinds of places by name, and the words of each.
-const PLACES: [(&str, At, &[&str]); 7] = [
+const PLACES: [(&str, At, &[&str]); 8] = [
     ("joint", At::Joint, &["x", "v", "t", LOAD]),
     ("between", At::Between, &["x", "v", "t"]),
     ("arm", At::Arm, &["omega"]),
+    ("body", At::Body, &["v"]),
     ("drive", At::Drive, &["y", "size", "t"]),
     ("frame", At::Frame, &[]),
-    ("encoder", At::Encoder, &["x", "v"]),
+    ("encoder", At::Encoder, &["x", "v", "t"]),
     ("input", At::Input, &["x", "v"]),
 ];
 /// Their names, for people.
-const KINDS: &str = "joint, between, arm, drive, frame, encoder or input";
+const KINDS: &str = "joint, between, arm, body, drive, frame, encoder or input";
 /// Words of what acts all along an arm.
 const ALONG_AN_ARM: &[&str] = &["v", "s"];
 /// Verbs by key, and the places that have them.
 const VERBS: [(&str, Verb, &[At]); 6] = [
     ("force", Verb::Force, &[At::Joint, At::Between, At::Arm]),
-    ("drags", Verb::Drags, &[At::Arm]),
+    ("drags", Verb::Drags, &[At::Arm, At::Body]),
     ("moves", Verb::Moves, &[At::Drive, At::Frame]),
     ("advances", Verb::Advances, &[At::Drive]),
     ("turns", Verb::Turns, &[At::Arm, At::Frame]),
@@ -127,7 +128,7 @@ fn one(r: &Reader<'_>, t: &DeTable<'_>, at: usize, before: &[Entry]) -> Result<E
     };
     let (verb, law, law_value) = law(r, t, at, *place_at)?;
     let vocabulary = match (verb, place_at) {
-        (Verb::Drags, _) => ALONG_AN_ARM,
+        (Verb::Drags, At::Arm) => ALONG_AN_ARM,
         (Verb::Moves, At::Frame) => on_a_frame::WORDS,
         _ => vocabulary,
     };
@@ -331,7 +332,7 @@ fn shapes(r: &Reader<'_>, t: &DeTable<'_>, taken: &mut Vec<String>) -> Result<Ve
 
 /// Refuses a shape that neither the law nor a state's names.
 fn used_shapes(r: &Reader<'_>, t: &DeTable<'_>, e: &Entry) -> Result<()> {
-    let of_drag = |name: &str| e.verb == Verb::Drags && name == LENGTH;
+    let of_drag = |name: &str| (e.verb, e.at) == (Verb::Drags, At::Arm) && name == LENGTH;
     let used = |name: &str| e.names(name) || e.states.iter().any(|(_, law)| has_word(law, name)) || of_drag(name);
     for (name, at, _) in r.table(t, "shape", "shape = { n = { whole = [1, 60] } }")? {
         if !used(name) {
@@ -346,7 +347,8 @@ fn used_shapes(r: &Reader<'_>, t: &DeTable<'_>, e: &Entry) -> Result<()> {
 
 /// Strengths enter linearly, and nothing stands without one but what a sensor ought to show.
 fn check(r: &Reader<'_>, e: &Entry, vocabulary: &[&str], at: &Value<'_>) -> Result<()> {
-    if e.verb == Verb::Drags && !e.shapes.iter().any(|s| s.name == LENGTH && s.grid.iter().all(|x| *x > 0.0)) {
+    let is_length = |s: &Shape| s.name == LENGTH && s.grid.iter().all(|x| *x > 0.0);
+    if (e.verb, e.at) == (Verb::Drags, At::Arm) && !e.shapes.iter().any(is_length) {
         let expected = format!("shape = {{ {LENGTH} = {{ grid = [1.0, 1.5], within = [0.001, 10.0] }} }}, above 0");
         return Err(r
             .source

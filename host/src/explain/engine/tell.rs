@@ -40,6 +40,9 @@ fn scale(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
     if (c.entry.verb, c.entry.at) == (Verb::Moves, At::Frame) {
         return frame(setting, physical, c);
     }
+    if c.entry.at == At::Body {
+        return body(setting, physical, c);
+    }
     let works = matches!(c.entry.verb, Verb::Force | Verb::Drags);
     if let (false, Some(unit)) = (works, &c.entry.unit) {
         return (1.0, unit.clone());
@@ -78,6 +81,20 @@ fn frame(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Str
             let name = inertia_name(setting, 0);
             let told = unit.strip_prefix("1/").map(|mass| format!("{name} per {mass}"));
             (at(inertia, &physical.values), told.unwrap_or_else(|| format!("{name} × {unit}")))
+        }
+        _ => (1.0, unit),
+    }
+}
+
+/// The same at a body: over the inertia of the first coordinate that moves it where that stays open.
+fn body(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, String) {
+    let unit = c.entry.unit.clone().unwrap_or_default();
+    let (Some(mechanism), Some(file)) = (setting.mechanism(), setting.file()) else { return (1.0, unit) };
+    match places::equation(c.place, mechanism) {
+        Some((equation, moves)) if physical.open.get(equation).copied().unwrap_or(true) => {
+            let mass = if is_angle(file, &moves) { "kg m²" } else { "kg" };
+            let told = format!("{unit} per {mass} of {}", inertia_name(setting, equation));
+            (1.0 / at(&mechanism.scales[equation].1, &physical.values), told)
         }
         _ => (1.0, unit),
     }
