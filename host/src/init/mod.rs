@@ -8,9 +8,11 @@ pub mod columns;
 mod counts;
 mod drive;
 mod look;
+mod meant;
 mod raw;
 mod settle;
 mod system;
+mod which_arm;
 pub mod write;
 
 use std::path::{Path, PathBuf};
