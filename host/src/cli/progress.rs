@@ -40,16 +40,22 @@ pub fn of_capture() -> Box<dyn FnMut(&crate::capture::Progress)> {
     }
 }
 
-/// A bar over `length` steps that says what is being done; hidden where no terminal is there.
+/// A bar over `length` steps that says what is being done; a line now and then where no terminal is
+/// there.
 pub fn bar(what: &'static str, length: u64) -> ProgressBar {
+    let bar = drawn(what, length);
+    if !QUIET.load(Ordering::Relaxed) && !seen() {
+        follow(&bar, what);
+    }
+    bar
+}
+
+/// The bar alone, hidden where no terminal is there.
+fn drawn(what: &'static str, length: u64) -> ProgressBar {
     let bar = if seen() {
         ProgressBar::new(length)
     } else {
-        let hidden = ProgressBar::with_draw_target(Some(length), ProgressDrawTarget::hidden());
-        if !QUIET.load(Ordering::Relaxed) {
-            follow(&hidden, what);
-        }
-        hidden
+        ProgressBar::with_draw_target(Some(length), ProgressDrawTarget::hidden())
     };
     if let Ok(style) = ProgressStyle::with_template("{msg} [{wide_bar}] {percent:>3} % {eta_precise}") {
         bar.set_style(style.progress_chars("━╸ "));
@@ -61,7 +67,7 @@ pub fn bar(what: &'static str, length: u64) -> ProgressBar {
 /// A line over `length` records: how many are done, what is told of them, time left; hidden where
 /// no terminal is there.
 pub fn of_records(length: u64) -> ProgressBar {
-    let line = bar("", length);
+    let line = drawn("", length);
     if let Ok(style) = ProgressStyle::with_template("{pos} of {len} records{msg} [{bar:32}] {eta_precise} left") {
         line.set_style(style.progress_chars("━╸ "));
     }

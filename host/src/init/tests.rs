@@ -180,6 +180,17 @@ fn a_cart_and_a_force_are_no_double_pendulum_without_a_word() {
     );
 }
 
+#[test]
+fn a_gyroscopes_rate_is_no_angle_and_what_to_do_is_told() {
+    let row = |i: f64| format!("{},{:.4}", 0.005 * i, (0.02 * i).sin());
+    let e = drafted("a.csv", &format!("Time (s),Gyroscope z (rad/s)\n{}", rows(3000, row)), None).unwrap_err();
+    let e = e.to_string();
+    assert!(
+        e.contains("expected a column of an angle or a displacement") && e.contains("its sum over the rows"),
+        "{e}"
+    );
+}
+
 /// A channel of that name and nothing else.
 pub(super) fn channel_of(name: &str) -> DraftChannel {
     DraftChannel {
