@@ -27,6 +27,7 @@ pub mod said;
 pub mod signal;
 pub mod simulate;
 pub mod statistics;
+pub mod steps;
 pub mod suspects;
 pub mod system;
 pub mod terminal_view;

@@ -1,6 +1,8 @@
 //! Records of a simulated rig, straight from hil-sim's plant. The only room, with `capture`'s
 //! source `sim` and the demo, that sees a rig file's `[plant]`.
 
+pub mod own_effects;
+
 use std::path::Path;
 
 use indicatif::ProgressBar;
@@ -17,6 +19,7 @@ use crate::rig::measures::BASE;
 use crate::rig::plant::{BasePlant, Plant};
 use crate::rig::single_plant::SinglePlant;
 use crate::rig::{Channel, Direction, Rig, check_seconds};
+use crate::wording::close::did_you_mean;
 
 /// Longest simulated record that is written as it comes, samples: as many as are read.
 const MOST_SAMPLES: f64 = 2e8;
@@ -80,9 +83,18 @@ pub fn effects(texts: &[String]) -> Result<Vec<Effect>> {
         .iter()
         .map(|t| {
             Effect::parse(t).map_err(|e| {
-                BadInput::new(e.to_string(), "")
-                    .at(format!("--effect {t}"))
-                    .remedy("`whirl list effects` shows them with their units")
+                let is_id = e.place == "effect id";
+                let id = t.split('@').next().unwrap_or_default().trim();
+                let meant = did_you_mean(id, whirl_hil_sim::plant::effects::LIST.iter().map(|i| i.id));
+                let own = if is_id {
+                    "; one of an effect file is put in where the rig file names it, effects = [\"FILE.toml\"]"
+                } else {
+                    ""
+                };
+                BadInput::new(e.found, e.expected).at(format!("--effect {t}, {}", e.place)).remedy(format!(
+                    "{}`whirl list effects` shows them with their units{own}",
+                    if is_id { meant.as_str() } else { "" }
+                ))
             })
         })
         .collect()

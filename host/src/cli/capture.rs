@@ -197,8 +197,10 @@ pub fn human(outcome: &CaptureOutcome) -> String {
     }
     if let Some(rows) = &outcome.rows {
         text.push_str(&format!(
-            "regression rows of {} windows in {} stretches, {} windows lost: for `whirl identify`\n",
-            rows.windows, rows.runs, rows.windows_lost
+            "regression rows of {} in {}, {} lost: for `whirl identify`; what stands behind the last whole window is in none\n",
+            plural(rows.windows, "window"),
+            if rows.runs == 1 { "1 stretch".to_owned() } else { format!("{} stretches", count(rows.runs)) },
+            plural(rows.windows_lost, "window")
         ));
     }
     if let (Some(estimate), Some(path)) = (&outcome.estimate, &outcome.estimates) {

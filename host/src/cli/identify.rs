@@ -181,6 +181,9 @@ pub fn human(result: &Identification, card: &Card) -> String {
         let _ = writeln!(text, "Zeros found with them, and taken off: {} (95 %)", zeros.join(", "));
     }
     if let Some(why) = &result.not_by_shooting {
+        // What a warning says stands above.
+        let is_said = result.warnings.iter().any(|w| w.text == *why);
+        let why = if is_said { "the weak form's answer cannot stand, for the reason above" } else { why };
         let _ = writeln!(text, "Multiple shooting was not used: {why}");
     }
     if let Some(account) = &result.balance {

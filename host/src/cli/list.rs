@@ -129,7 +129,10 @@ fn models() -> Vec<Item> {
 fn show(arguments: &Arguments, name: &str) -> Result<Answer> {
     let text = match arguments.what {
         What::Models => system_file(name)?,
-        What::Effects => effect_text(name)?,
+        What::Effects => match own_text(name, &arguments.effects)? {
+            Some(text) => text,
+            None => effect_text(name)?,
+        },
         What::Boards | What::Methods => {
             return Err(BadInput::new("--show", "whirl list models --show NAME, or whirl list effects --show ID")
                 .at("--show")
@@ -155,15 +158,32 @@ fn system_file(name: &str) -> Result<String> {
     })
 }
 
+/// The entry of an effect file that has it.
+fn own_text(id: &str, files: &[PathBuf]) -> Result<Option<String>> {
+    let mut own: Vec<Entry> = Vec::new();
+    let mut found = None;
+    for file in files {
+        let source = toml_place::read(file, "an effect file")?;
+        let entries = crate::effects::read_more(&source, own.iter())?;
+        if let Some(k) = entries.iter().position(|e| e.id == id) {
+            // Its table as it stands, the k-th of the file.
+            let part = source.text.split("[[effect]]").nth(k + 1).unwrap_or(&source.text);
+            found = Some(format!("[[effect]]\n{}\n", part.trim()));
+        }
+        own.extend(entries);
+    }
+    Ok(found)
+}
+
 /// One effect's entry, or all of them where none is named.
 fn effect_text(id: &str) -> Result<String> {
     if id.is_empty() {
         return Ok(crate::effects::TEXT.to_owned());
     }
     let text = crate::effects::text_of(id).ok_or_else(|| {
-        BadInput::new(format!("\"{id}\""), "an effect of `whirl list effects`")
-            .at("--show")
-            .remedy("Name one without its place, such as quadratic-drag")
+        BadInput::new(format!("\"{id}\""), "an effect of `whirl list effects`").at("--show").remedy(
+            "Name one without its place, such as quadratic-drag; one of an effect file needs --effects FILE.toml",
+        )
     })?;
     // What is the same as another's entry stands there.
     let other = text.lines().find_map(|line| line.strip_prefix("same_as = "));
@@ -237,5 +257,23 @@ fn of_entry(e: &Entry) -> Effect {
         at: vec![format!("{:?}", e.at).to_lowercase()],
         equation: e.equation.clone(),
         parameters: e.shapes.iter().map(|s| Parameter { name: s.name.clone(), unit: None, default: None }).collect(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_entry_of_an_effect_file_is_shown() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("own.toml");
+        let entry = |id: &str| {
+            format!("[[effect]]\nid = \"{id}\"\nat = \"joint\"\nstrengths = [\"k\"]\nforce = \"-k*x\" # {id}\n")
+        };
+        std::fs::write(&file, format!("# two of them\n{}\n{}", entry("one"), entry("two"))).unwrap();
+        let shown = |id: &str| own_text(id, std::slice::from_ref(&file)).unwrap();
+        assert_eq!((shown("one"), shown("two")), (Some(entry("one")), Some(entry("two"))));
+        assert_eq!(shown("quadratic-drag"), None);
     }
 }

@@ -149,8 +149,8 @@ impl Judgement {
 
     /// Negative where a warning says that the answer cannot stand.
     fn of(warnings: &[Warning]) -> Self {
-        // The first words of each: all of them stand in the warning.
-        let words = |w: &Warning| match w.text.split([':', ';']).next() {
+        // The first words of each, up to the end of a sentence: all of them stand in the warning.
+        let words = |w: &Warning| match w.text.split(". ").flat_map(|part| part.split([':', ';'])).next() {
             Some(words) if words.contains(' ') => inside(words.trim_end_matches('.')),
             _ => inside(&w.text),
         };

@@ -77,7 +77,7 @@ pub fn human(r: &Reduction) -> String {
     let shares: Vec<String> = r.energy.iter().take(6).map(|e| percent(*e, 4)).collect();
     let _ = writeln!(
         text,
-        "energy {}{}; {} mode{} kept of {} coordinate{} (rank {}){}",
+        "shares of the modes in the energy: {}{}; {} mode{} kept of {} coordinate{} (rank {}){}",
         shares.join(", "),
         if r.energy.len() > 6 { ", …" } else { "" },
         r.kept,
@@ -88,7 +88,8 @@ pub fn human(r: &Reduction) -> String {
         if r.modes_imaginary.is_some() { ", on the circle z = exp(iφ)" } else { "" }
     );
     for (k, mode) in r.modes.iter().take(r.kept.min(4)).enumerate() {
-        let entries: Vec<String> = mode.iter().take(8).map(|x| significant(*x, 4)).collect();
+        let entry = |(x, name): (&f64, &String)| format!("{name} {}", significant(*x, 4));
+        let entries: Vec<String> = mode.iter().zip(&r.coordinates).take(8).map(entry).collect();
         let more = if mode.len() > 8 { ", …" } else { "" };
         let _ = writeln!(text, "  mode {}: {}{more}", k + 1, entries.join(", "));
     }
@@ -136,7 +137,7 @@ pub fn human(r: &Reduction) -> String {
         text.push_str(if r.warnings.iter().any(|w| w.id == "taken-block-by-block") {
             "no equation: taken block by block\n"
         } else {
-            "no equation: the record is not close to periodic\n"
+            "no equation: the record is not close to periodic. One needs free releases along one mode: let go from rest in its shape, at several amplitudes (docs/reduce.md)\n"
         });
     }
     text

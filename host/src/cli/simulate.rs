@@ -11,7 +11,7 @@ use super::{Answer, Columns};
 use crate::error::{BadInput, Result};
 use crate::record::writer::check_ending;
 use crate::rig::Rig;
-use crate::simulate::Summary;
+use crate::simulate::{Summary, own_effects};
 use crate::wording::format::{count, shortest};
 
 /// Arguments of `simulate`.
@@ -87,14 +87,13 @@ fn plant(arguments: &Arguments, rig: &Rig, seconds: f64) -> Result<Answer> {
     if let Some(bound) = &rig.bound {
         return model_file(arguments, rig, bound, seconds);
     }
-    let summary = crate::simulate::record(
-        rig,
-        &arguments.effects,
-        seconds,
-        arguments.seed,
-        &arguments.output,
-        &super::progress::bar("simulating", 0),
-    )?;
+    let (effects, seed) = (&arguments.effects, arguments.seed);
+    let summary = if own_effects::are_asked(rig, effects) {
+        own_effects::record(rig, effects, seconds, seed, &arguments.output)?
+    } else {
+        let bar = super::progress::bar("simulating", 0);
+        crate::simulate::record(rig, effects, seconds, seed, &arguments.output, &bar)?
+    };
     arguments.out.write_json_with(&summary, &[])?;
     let taken: String = crate::simulate::taken_for(&arguments.effects).iter().map(|t| format!("{t}\n")).collect();
     arguments.out.say(&format!("{}{taken}", said(&summary, &arguments.output)));

@@ -87,8 +87,7 @@ pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
     let solution = simulation::solve(&motion, &begin, count).map_err(of_model)?;
     bar.finish_and_clear();
     let columns = simulation::columns(&motion, &solution, begin.step_s)?;
-    // What rounding leaves of 0 is 0.
-    let start_s = (1e12 * time_of(&motion, &begin)).round() / 1e12 + 0.0;
+    let start_s = rounded_to(time_of(&motion, &begin), begin.step_s);
     let sample_rate_hz = 1.0 / begin.step_s;
     write_values_from(&arguments.output, &Rig { sample_rate_hz, ..rig.clone() }, start_s, &columns)?;
     let summary = summary(&motion, &rig, &begin, &solution, start_s);
@@ -97,6 +96,14 @@ pub fn run(arguments: &Arguments, path: &Path) -> Result<Answer> {
     arguments.out.write_json_with(&summary, &warnings)?;
     arguments.out.say(&said(&summary, &rig, &motion, &arguments.output));
     Ok(Answer::Positive)
+}
+
+/// A time as far as the clock of a record is worth: a thousandth to a ten thousandth of a step, so
+/// that a clock fitted to a record's times tells no more digits than they have.
+fn rounded_to(time_s: f64, step_s: f64) -> f64 {
+    let places = 10f64.powf(-(1e-3 * step_s).log10().floor());
+    // What rounding leaves of 0 is 0.
+    (places * time_s).round() / places + 0.0
 }
 
 /// The rig file, with what the command line says of the record's columns.
@@ -214,4 +221,14 @@ fn said(s: &Summary, rig: &Rig, motion: &Motion, output: &Path) -> String {
         out.push_str(&format!("{} change what the columns show, not the motion\n", on_sensors.join(", ")));
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn a_start_has_the_digits_of_its_clock() {
+        let of = super::rounded_to;
+        assert_eq!((of(5.000_000_023_283, 0.002), of(1e-17, 0.002), of(0.123_456, 1e-3)), (5.0, 0.0, 0.123_456));
+        assert_eq!(of(12.345_678_9, 100.0), 12.3);
+    }
 }

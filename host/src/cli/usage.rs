@@ -19,13 +19,16 @@ const NUMBERS: [(&str, &str); 6] = [
 ];
 
 /// What to do about an option or file that is missing.
-const MISSING: [(&str, &str); 5] = [
+const MISSING: [(&str, &str); 4] = [
     ("--rig", "A rig file says what each column measures: `whirl init REC -o RIG.toml` writes one from a record"),
     ("<REC>", "Name a record, such as rec.parquet or rec.csv"),
     ("--model", "`whirl identify REC --rig RIG.toml -o MODEL.toml` writes one"),
     ("--from", "Say where the device is, such as serial:/dev/ttyACM0; `whirl device list` lists ports"),
-    ("<WHAT>", "Say what is to be listed: models, effects, boards or methods"),
 ];
+
+/// What stands for a word of a command, where it is one of a few.
+const WORDS: [(&str, &str); 2] =
+    [("<WHAT>", "one of models, effects, boards, methods"), ("<SHELL>", "one of bash, elvish, fish, powershell, zsh")];
 
 /// Whether the parser was asked for a text (help, version), which is no error.
 pub fn is_asked(error: &clap::Error) -> bool {
@@ -102,7 +105,9 @@ fn missing(names: &[String], help: &str) -> BadInput {
     let plain: Vec<String> = names.iter().map(|n| n.replace(['<', '>'], "").replace("...", " …")).collect();
     let first = |n: &String| n.split(' ').next().unwrap_or_default().to_owned();
     let found: Vec<String> = plain.iter().map(first).collect();
-    BadInput::new(format!("no {}", found.join(", no ")), plain.join(" ")).remedy(remedy)
+    let word = WORDS.iter().find(|(name, _)| names.iter().any(|n| n.starts_with(name)));
+    let expected = word.map_or_else(|| plain.join(" "), |(_, expected)| (*expected).to_owned());
+    BadInput::new(format!("no {}", found.join(", no ")), expected).remedy(remedy)
 }
 
 /// A value that an option does not take, and what its parser said.
@@ -137,9 +142,26 @@ fn help(error: &clap::Error) -> String {
     };
     let words = usage.trim().trim_start_matches("Usage:").split_whitespace();
     // Whatever the file is called that is run.
-    let behind = words.skip(1).take_while(|w| !w.starts_with(['[', '<', '-']));
-    let command: Vec<&str> = std::iter::once("whirl").chain(behind).collect();
+    let behind = words.skip(1).take_while(|w| !w.starts_with(['[', '<', '-'])).map(str::to_owned);
+    let mut behind: Vec<String> = behind.collect();
+    if behind.is_empty() {
+        // Of a wrong value the parser keeps no usage.
+        behind = command_of(std::env::args().skip(1));
+    }
+    let command: Vec<String> = std::iter::once("whirl".to_owned()).chain(behind).collect();
     format!("`{} --help` lists what it takes", command.join(" "))
+}
+
+/// The command that words of a command line begin with, and the one within it.
+fn command_of(words: impl Iterator<Item = String>) -> Vec<String> {
+    let mut here = crate::cli::command();
+    let mut out = Vec::new();
+    for word in words.filter(|w| !w.starts_with('-')) {
+        let Some(inner) = here.find_subcommand(&word).cloned() else { break };
+        here = inner;
+        out.push(word);
+    }
+    out
 }
 
 #[cfg(test)]
@@ -165,12 +187,25 @@ mod tests {
             ("identfy r.csv", &["found \"identfy\", expected a command. Did you mean identify?"]),
             ("identify r.csv --rig r.toml --map x", &["--map", "found \"x\", expected MEASURE=COLUMN, such as"]),
             ("identify r.csv --rig a --rig b", &["--rig", "a second time"]),
+            ("list", &["found no WHAT, expected one of models, effects, boards, methods"]),
+            ("completions", &["found no SHELL, expected one of bash, elvish"]),
             ("plan --rig r --budget 900 -o p", &["found \"900\", expected a whole number from 1 to 500"]),
         ] {
             let words = std::iter::once("whirl").chain(line.split_whitespace());
             let error = crate::cli::command().try_get_matches_from(words).unwrap_err();
             let told = super::told(&error).to_string();
             assert!(parts.iter().all(|p| told.contains(p)) && !told.contains("invalid"), "{line}: {told}");
+        }
+    }
+    #[test]
+    fn the_command_of_a_line_is_the_one_whose_help_is_named() {
+        for (line, command) in [
+            ("batch --shard 3/2 x", "batch"),
+            ("--quiet list foo", "list"),
+            ("device set a", "device set"),
+            ("foo", ""),
+        ] {
+            assert_eq!(super::command_of(line.split_whitespace().map(str::to_owned)).join(" "), command, "{line}");
         }
     }
 }

@@ -319,8 +319,11 @@ fn undecided(e: &Explanation) -> Vec<String> {
 
 /// That what is too small to be named may be there all the same.
 fn smaller(e: &Explanation) -> Option<String> {
-    let unit = |l: &Limit| if l.unit == "1" { String::new() } else { l.unit.clone() };
-    let one = |l: &Limit| format!("{} of {}", names::effect(&l.name()), quantity(l.value, &unit(l), 2));
+    let size = |l: &Limit| match l.unit.as_str() {
+        "1" | "" => format!("{} (no unit)", quantity(l.value, "", 2)),
+        unit => quantity(l.value, unit, 2),
+    };
+    let one = |l: &Limit| format!("{} of {}", names::effect(&l.name()), size(l));
     let limits: Vec<String> = e.detection_limits.iter().take(MOST_LIMITS).map(one).collect();
     let others = e.detection_limits.len() - limits.len();
     let others =

@@ -64,7 +64,9 @@ fn what_is_too_small_to_be_named_may_be_there() {
     };
     let ids = ["coulomb-friction", "a", "b", "c", "d", "e", "f", "g"];
     e.detection_limits = ids.into_iter().enumerate().map(limit).collect();
+    e.detection_limits[1].unit = "1".to_owned();
     let told = card(&e, &rig()).undecided.pop().unwrap();
+    assert!(told.contains("·10⁻⁶ (no unit); b "), "{told}");
     let first = quantity(1.5e-6, "N m", 2);
     assert!(told.contains(&format!("would have shown Coulomb friction in joint 1 of {first}; a")), "{told}");
     assert!(told.ends_with("(of 2 more: `detection_limits` with --json)."), "{told}");

@@ -41,6 +41,7 @@ use crate::identify;
 use crate::model::identified::IdentifiedModel;
 use crate::record::Record;
 use crate::rig::Rig;
+use crate::steps;
 use crate::system::library::Pendulum;
 use crate::warning::Warning;
 
@@ -87,6 +88,7 @@ pub fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Exp
 
 /// The same with inputs that are held between samples where they show to be.
 fn of_inputs(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Explanation> {
+    steps::tell("looking for mistakes in record and rig file");
     let suspects = identify::suspects::examine(records, rig);
     if let Some((held, warning)) = identify::held_inputs::taken_as_held(records, rig, &suspects) {
         let mut result = suspecting(&held, rig, settings, identify::suspects::examine(&held, rig))?;
@@ -106,6 +108,9 @@ fn suspecting(records: &[Record], rig: &Rig, settings: &Settings, suspects: Vec<
     let sound = !suspects.iter().any(suspected::grave);
     let as_read = judged(records, rig, settings, suspects.clone());
     let looked = as_read.as_ref().is_ok_and(|e| e.slips_show == Some(false));
+    if sound && !looked {
+        steps::tell("looking for slips of counts");
+    }
     let slipped = if sound && !looked { identify::slips::taken_back(records, rig) } else { None };
     let Some(back) = slipped else { return as_read };
     let mended = judged(&back, rig, settings, suspects)?;
@@ -127,6 +132,7 @@ fn says_more(as_read: &Explanation, mended: &Explanation) -> bool {
 fn judged(records: &[Record], rig: &Rig, settings: &Settings, suspects: Vec<Warning>) -> Result<Explanation> {
     let of_record: Vec<Warning> = records.iter().flat_map(|r| &r.warnings).filter(|w| w.invalidates).cloned().collect();
     let sound = of_record.is_empty() && !suspects.iter().any(suspected::grave);
+    steps::tell("comparing with what is known");
     let mut known = if sound { suspected::known(records, rig) } else { Vec::new() };
     let misled = known.iter().any(|w| w.invalidates) && suspected::clean_without_known(records, rig, settings);
     let mut result = if !sound || misled {
@@ -143,6 +149,7 @@ fn judged(records: &[Record], rig: &Rig, settings: &Settings, suspects: Vec<Warn
             Ok(found) => found,
         }
     } else {
+        steps::tell("fitting the model as it is, then with every effect of the list");
         locking::explain(records, rig, settings)?
     };
     // What is missing bends quantities as well: where effects explain the record, or nothing would

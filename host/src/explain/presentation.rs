@@ -26,7 +26,7 @@ fn rests_on(e: &Explanation) -> String {
             f.parameters.iter().map(|p| format!(", {} = {}", symbol_plain(p.0), number(p))).collect();
         let _ = writeln!(
             out,
-            "  {} adds {}{}; alone it explains {} of what was left where it was not fitted",
+            "  {} adds {}{}; it explains {} of what was left before it was added, where it was not fitted",
             f.name(),
             f.equation,
             parameters.concat(),
@@ -65,11 +65,12 @@ fn rests_on(e: &Explanation) -> String {
         lines(&mut out, &f.steps);
     }
     if let Some(piece_s) = e.details.simulated_s {
+        let [piece, window] = [piece_s, e.details.window_s].map(|s| shortest(rounded(s, 3)));
+        let than =
+            if piece == window { "the weak form over them".to_owned() } else { format!("windows of {window} s") };
         let _ = writeln!(
             out,
-            "parameters are those by which simulations follow pieces of {} s: they tell more than windows of {} s, and foretell as well",
-            shortest(rounded(piece_s, 3)),
-            shortest(rounded(e.details.window_s, 3))
+            "parameters are those by which simulations follow pieces of {piece} s: they tell more than {than}, and foretell as well"
         );
     }
     for f in &e.simulation {
@@ -146,6 +147,20 @@ fn departures(out: &mut String, places: &[Where], most: usize) {
 mod tests {
     use super::*;
     use crate::explain::engine::simulation::Simulation;
+
+    #[test]
+    fn pieces_are_not_compared_with_windows_of_their_own_length() {
+        let mut e = Explanation::new(0.2, Vec::new());
+        e.details.simulated_s = Some(38.6);
+        e.details.window_s = 38.6;
+        assert!(
+            rests_on(&e).contains("pieces of 38.6 s: they tell more than the weak form over them"),
+            "{}",
+            rests_on(&e)
+        );
+        e.details.window_s = 4.0;
+        assert!(rests_on(&e).contains("pieces of 38.6 s: they tell more than windows of 4 s"), "{}", rests_on(&e));
+    }
 
     /// Steps that no simulation follows are left out of what is told.
     #[test]

@@ -179,7 +179,8 @@ fn text(plain: &str) -> String {
             },
         }
     }
-    out
+    // A minus and its digit are one exponent.
+    out.replace("\\textsuperscript{-}\\textsuperscript{", "\\textsuperscript{-")
 }
 
 /// The command of a Greek letter.
@@ -307,6 +308,12 @@ mod tests {
     fn names_of_several_words_are_no_letters_with_an_index() {
         assert_eq!(name("viscous_friction_joint1"), "\\mathit{viscous\\_friction\\_joint1}");
         assert_eq!((name("phi1").as_str(), name("m_arm").as_str()), ("\\phi_{\\mathrm{1}}", "m_{\\mathrm{arm}}"));
+    }
+
+    #[test]
+    fn a_negative_power_is_one_exponent() {
+        assert_eq!(text("m s⁻²"), "m s\\textsuperscript{-2}");
+        assert_eq!(text("}²"), "\\}\\textsuperscript{2}");
     }
 
     #[test]

@@ -4,7 +4,7 @@ use super::best::{CANNOT_BE, MISSES_SOMETHING, MORE_THAN_NOISE};
 use super::identifiability::{CORRELATION, RELATIVE_ERROR, size};
 use super::model_file::identified_model;
 use super::presentation::method_name;
-use super::{ERROR_BOUND, Identification};
+use super::{ERROR_BOUND, Identification, suspects};
 use crate::explain::card::equations;
 use crate::report::card::{Card, CardRow};
 use crate::rig::Rig;
@@ -13,6 +13,9 @@ use crate::warning::Warning;
 use crate::wording::format::{Z95, count, significant};
 use crate::wording::names;
 use crate::wording::symbols::symbol_plain;
+
+/// Parameters up to which the precision of all is told, not that of half of them.
+const FEW: usize = 3;
 
 /// The card of an identification of a rig.
 pub fn card(result: &Identification, rig: &Rig) -> Card {
@@ -31,11 +34,13 @@ pub fn card(result: &Identification, rig: &Rig) -> Card {
     }
 }
 
-/// Why an answer cannot stand: rather a mistake that was recognised than what follows from it.
+/// Why an answer cannot stand: rather a mistake that was recognised than what follows from it, and
+/// first one without which the equations fit to the noise.
 fn cause(result: &Identification) -> Option<&Warning> {
     let follows = |w: &&Warning| w.id == MISSES_SOMETHING || CANNOT_BE.contains(&w.id);
     let all = || result.warnings.iter().filter(|w| w.invalidates);
-    all().find(|w| !follows(w)).or_else(|| all().next())
+    let explains = |w: &&Warning| !follows(w) && suspects::explains(w);
+    all().find(explains).or_else(|| all().find(|w| !follows(w))).or_else(|| all().next())
 }
 
 /// What was identified, how well, and whether it stands.
@@ -57,10 +62,15 @@ fn sentence(result: &Identification) -> String {
     let relative = |i: usize| Z95 * result.parameters[i].std_error / size(&names, &values, i);
     let mut known: Vec<f64> = (0..names.len()).map(relative).filter(|r| r.is_finite() && *r > 0.0).collect();
     known.sort_by(f64::total_cmp);
-    let precision = known.get(known.len() / 2).map_or_else(String::new, |median| {
-        let percent = significant(100.0 * median, 2);
-        if *median < 1.0 {
-            format!(", half of its parameters to ± {percent} % or better")
+    // Of few there is no half.
+    let (whole, at) =
+        if known.len() <= FEW { ("all", known.len().saturating_sub(1)) } else { ("half", known.len() / 2) };
+    let precision = known.get(at).map_or_else(String::new, |bound| {
+        let percent = significant(100.0 * bound, 2);
+        if *bound < 1.0 {
+            format!(", {whole} of its parameters to ± {percent} % or better")
+        } else if known.len() <= FEW {
+            format!(", one of its parameters to no better than ± {percent} %")
         } else {
             format!(", half of its parameters to no better than ± {percent} %")
         }
@@ -192,6 +202,31 @@ mod tests {
     }
 
     #[test]
+    fn of_few_parameters_all_are_told() {
+        let mut result = identified();
+        result.parameters.retain(|p| p.name.starts_with("B1") || p.name == "B22");
+        let said = card(&result, &rig()).verdict;
+        assert!(said.contains("all of its parameters to ± 0.035 % or better"), "{said}");
+    }
+
+    /// What leaves nothing but noise once it is mended comes before what may follow from it.
+    #[test]
+    fn a_mistake_that_explains_the_record_is_the_headline() {
+        let mut result = identified();
+        let suspect = |after: f64| {
+            let w = Warning::new("sign-reversed", "Upper arm counts in the wrong sense", "Negate one column");
+            w.invalidating().with("residual_after", after)
+        };
+        let known = Warning::new("known-contradicted", "[known] L disagrees with the record by 276 %", "Measure it");
+        result.warnings = vec![known.invalidating(), suspect(1.0)];
+        let said = card(&result, &rig()).verdict;
+        assert!(said.starts_with("This answer cannot stand: Upper arm counts in the wrong sense. Negate"), "{said}");
+        result.warnings[1] = suspect(30.0);
+        let said = card(&result, &rig()).verdict;
+        assert!(said.starts_with("This answer cannot stand: [known] L disagrees"), "{said}");
+    }
+
+    #[test]
     fn the_sentence_says_how_well_and_whether_it_stands() {
         let rig = rig();
         let mut result = identified();
@@ -203,10 +238,12 @@ mod tests {
         assert!(shown.remarks[0].starts_with("The errors of B₁₁ and B₂₂ go together"), "{:?}", shown.remarks);
         assert_eq!((shown.remarks.len(), shown.undecided.len()), (1, 2));
         result.warnings.push(Warning::new("negative-gravity", "B22 is negative", "").invalidating());
-        result.warnings.push(Warning::new("x", "Time runs backwards", "Turn it round").invalidating());
+        result.warnings.push(Warning::new("x", "The record runs backwards", "Turn it round").invalidating());
         let shown = card(&result, &rig);
         assert!(
-            shown.verdict.starts_with("This answer cannot stand: time runs backwards. Turn it round. (The double"),
+            shown
+                .verdict
+                .starts_with("This answer cannot stand: the record runs backwards. Turn it round. (The double"),
             "{}",
             shown.verdict
         );

@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use super::Parameter;
 use super::judgement::{CHANCE, Coefficients, Ties};
-use super::known_of_system::{Scaled, scaled};
+use super::known_of_system::{Scaled, can_be, scaled};
 use super::known_quantities::CONTRADICTED;
 use crate::model::model_file::ModelFile;
 use crate::system::mechanism::Mechanism;
@@ -47,7 +47,10 @@ pub(super) fn contradicted(
         let stated = known.get(p.name.as_str())?;
         Some(format!("{} = {} instead of {}", p.name, quantity(p.value, &p.unit, 4), quantity(*stated, &p.unit, 4)))
     };
-    let values: Vec<String> = found.iter().filter_map(instead).collect();
+    // A mass or a length below 0 is no remedy, and without it the others are none either.
+    let can_be =
+        found.iter().all(|p| known.get(p.name.as_str()).is_none_or(|stated| can_be(p.value, *stated, &p.unit)));
+    let values: Vec<String> = found.iter().filter(|_| can_be).filter_map(instead).collect();
     // Gravity is the last to be wrong.
     let rather =
         if names.iter().any(|n| n == "g") { ", or the scale of a sensor of lengths, or the time base" } else { "" };
@@ -63,7 +66,8 @@ pub(super) fn contradicted(
         1 => format!(". This would agree: {}", alternatives[0]),
         _ => format!(". Either of these would agree: {}", alternatives.join("; or ")),
     };
-    let text = format!("[known] {} disagree with the record together{agree}", listed(&names));
+    let disagree = if names.len() == 1 { "disagrees with the record" } else { "disagree with the record together" };
+    let text = format!("[known] {} {disagree}{agree}", listed(&names));
     let scales = gains.iter().map(|s| (format!("input-gain@{}", s.input), (s.factor - 1.0).into()));
     let found = found.iter().map(|p| (p.name.clone(), p.value.into()));
     let would_agree: serde_json::Map<String, serde_json::Value> = found.chain(scales).collect();

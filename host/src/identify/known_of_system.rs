@@ -157,6 +157,13 @@ fn least_of(at: &impl Fn(f64) -> f64, [mut low, mut high]: [f64; 2], evaluations
     0.5 * (low + high)
 }
 
+/// Whether a value may be taken instead of a known one: masses, lengths and inertias keep their
+/// sign.
+pub(super) fn can_be(found: f64, known: f64, unit: &str) -> bool {
+    let signed = ["kg", "m", "mm", "kg m", "kg m²", "kg m^2"].contains(&unit);
+    !signed || found * known > 0.0
+}
+
 /// Units of inputs that are motions.
 const MOTION: [&str; 3] = ["m", "m/s", "m/s2"];
 
@@ -223,7 +230,7 @@ pub(super) fn contradicted(mechanism: &Mechanism, c: &Coefficients<'_>, rig: &Ri
         format!("{} = {} instead of {}", d.name, quantity(d.found, &d.unit, 4), quantity(d.known, &d.unit, 4))
     };
     let names: Vec<&str> = all.iter().map(|d| d.name).collect();
-    let mut alternatives: Vec<String> = all.iter().map(told).collect();
+    let mut alternatives: Vec<String> = all.iter().filter(|d| can_be(d.found, d.known, &d.unit)).map(told).collect();
     if let Some(factor) = clock {
         alternatives.push(time_base(factor, rig.drive.is_some()));
     }
@@ -234,13 +241,16 @@ pub(super) fn contradicted(mechanism: &Mechanism, c: &Coefficients<'_>, rig: &Ri
             .iter()
             .map(|s| format!("{} reads {} times what acts (its sensor's scale)", s.input, significant(s.factor, 4))),
     );
+    let agree = match &alternatives[..] {
+        [] => "No value that can be would agree: a sign, a scale or two exchanged columns may be wrong".to_owned(),
+        [one] => format!("This would agree: {one}"),
+        all => format!("One of these would agree: {}", all.join("; or ")),
+    };
     let text = format!(
-        "[known] {} {} with the record by {} %. {}: {}",
+        "[known] {} {} with the record by {} %. {agree}",
         names.join(", "),
         if names.len() == 1 { "disagrees" } else { "disagree" },
         significant(100.0 * (first.known / first.found - 1.0).abs(), 2),
-        if alternatives.len() == 1 { "This would agree" } else { "One of these would agree" },
-        alternatives.join("; or ")
     );
     let scales = gains.iter().map(|s| (format!("input-gain@{}", s.input), (s.factor - 1.0).into()));
     let clock = clock.map(|factor| ("time-base".to_owned(), factor.into()));
@@ -282,6 +292,12 @@ value = "-S*base"
 [nominal]
 effects = ["viscous-friction@hinge"]
 "#;
+
+    #[test]
+    fn a_length_of_the_other_sign_is_no_remedy() {
+        assert!(!can_be(-0.0852, 0.15, "m") && !can_be(-0.1, 0.2, "kg") && !can_be(-1e-3, 2e-3, "kg m²"));
+        assert!(can_be(0.0852, 0.15, "m") && can_be(-1.0, 2.0, "N m"));
+    }
 
     /// An accelerometer that reads 1.05 times what acts makes gravity 1.05 times what it is.
     #[test]

@@ -8,9 +8,11 @@ pub mod columns;
 mod counts;
 mod drive;
 mod look;
+mod meant;
 mod raw;
 mod settle;
 mod system;
+mod which_arm;
 pub mod write;
 
 use std::path::{Path, PathBuf};
@@ -312,10 +314,15 @@ fn nothing_to_measure(raw: &Raw, seen: &[Seen]) -> BadInput {
         (true, false) => format!("no column of numbers but the time ({})", left.join("; ")),
         _ => list.join(", "),
     };
-    BadInput::new(found, "a column that moves")
+    let is_rate = seen.iter().any(|s| s.kind == Kind::Other);
+    BadInput::new(found, if is_rate { "a column of an angle or a displacement" } else { "a column that moves" })
         .in_file(&raw.path)
         .at("columns")
-        .remedy("Export the angles or displacements, one column each, beside the time")
+        .remedy(if is_rate {
+            "Export the angles or displacements, one column each, beside the time; of a gyroscope's rate that is its sum over the rows times their distance in s, as a column of its own"
+        } else {
+            "Export the angles or displacements, one column each, beside the time"
+        })
 }
 
 #[cfg(test)]

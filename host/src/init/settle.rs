@@ -8,15 +8,17 @@
 use super::columns::{self, Seen, UNITS};
 use super::counts::likely;
 use super::look::{Look, Tried};
-use super::system::arm;
+use super::meant;
+use super::which_arm::{Beside, CLEARLY, Order, beside, measuring, otherwise, said, tell_measures};
 use super::{Draft, DraftChannel, DraftDrive, Settings, Statement};
 use crate::error::{BadInput, Result};
 use crate::identify::suspects::{self, Footing};
+use crate::inspect::motion;
 use crate::record::Record;
 use crate::record::cut::Part;
 use crate::rig::{Direction, Rig};
 use crate::system::library::Pendulum;
-use crate::wording::format::{shell_word, significant};
+use crate::wording::format::significant;
 
 /// Seconds that are looked at of a free system; drive periods of a driven one.
 const FREE_S: f64 = 40.0;
@@ -31,8 +33,6 @@ const DRIVEN: f64 = 2.3;
 /// of its drive (both by hand).
 const TO_NOISE: f64 = 0.7;
 const NOISE: f64 = 0.3;
-/// By how much less the best reading must leave, in ln(residual/noise power).
-const CLEARLY: f64 = 0.15;
 /// The same of a drive's frequency, half the residual (by hand): terms at a line of the motion take
 /// something away wherever it is, and where the equations lack an effect a wrong one takes as much.
 const CLEAR_LINE: f64 = 1.4;
@@ -42,6 +42,8 @@ const FITS: f64 = 1.4;
 /// The same up to which a free motion does: twice the noise's power; clean records of free swings
 /// leave half of that.
 const FREE: f64 = 0.7;
+/// Counts a turn of common encoders: others are told only where the equations of motion fit.
+const COMMON: core::ops::RangeInclusive<u32> = 400..=40_000;
 /// Other frequencies that are named beside a guess.
 const NAMED: usize = 3;
 
@@ -83,10 +85,14 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
         if may_hide && draft.pendulum().is_some() && at_rest > FREE {
             // A free motion would die away; one that repeats after the drive's periods says nothing
             // of its frequency.
-            let why = "the motion does not die away, yet the equations of motion ask for no frequency clearly; if a shaker runs, say it with --drive-hz HZ";
-            tried.iter_mut().for_each(|t| t.draft.why_model.push(Statement::new("drive", "none", why).unsure()));
+            let dies_down = dies_down(&record);
+            let motion = if dies_down { "grows less, and" } else { "does not die away, yet" };
+            let why = format!(
+                "the motion {motion} the equations of motion ask for no frequency clearly; if a shaker runs, say it with --drive-hz HZ, otherwise --drive-hz 0"
+            );
+            tried.iter_mut().for_each(|t| t.draft.why_model.push(Statement::new("drive", "none", &why).unsure()));
             // What leaves least of readings that all lack the drive is no better founded than that.
-            is_founded = false;
+            is_founded = dies_down && at_rest <= FITS;
         }
     }
     let said = said(draft).filter(|_| draft.pendulum() == Some(Pendulum::Double) && settings.choices.map.is_empty());
@@ -96,6 +102,12 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
         && let Some(k) = tried.iter().position(|t| as_said(&t.draft))
     {
         tried[..=k].rotate_right(1);
+    }
+    let fits = is_founded && tried[0].left <= FITS;
+    let is_arms = draft.pendulum() == Some(Pendulum::Double) && settings.choices.map.is_empty();
+    let order = is_arms.then(|| Order::of(draft));
+    if let Some(order) = &order {
+        order.put_first(&mut tried, fits);
     }
     let best = tried[0].draft.clone();
     let left = tried[0].left;
@@ -119,21 +131,33 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
     let found_here = draft.drive.is_none();
     *draft = best;
     let founded = |by: f64| if is_founded { by } else { 0.0 };
-    for k in &open.counts {
-        tell_counts(&mut draft.channels[*k], founded(counts));
-    }
+    tell_all_counts(draft, &open, founded(counts), fits, settings);
     for (k, by) in open.units.iter().zip(units) {
         tell_unit(&mut draft.channels[*k], founded(by));
     }
     if measures.is_finite() {
         let by_name = said.is_some() && as_said(draft);
-        tell_measures(draft, measures, is_founded, &rival, by_name);
+        let order = order.filter(|o| o.is_of(draft)).map(|o| o.why());
+        tell_measures(draft, measures, is_founded, &Beside { rival, by_name, order });
     }
     if of_line.is_finite() || found_here && is_guess {
         tell_drive(draft, of_line, is_guess, &rivals);
     }
     refine(draft, &record, settings.drive_hz.is_some());
     Ok(())
+}
+
+/// Whether every angle's span in the last sixth of the record is below half of that in the first.
+fn dies_down(record: &Record) -> bool {
+    let span = |part: &[f64]| {
+        let ends = part.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
+        ends.1 - ends.0
+    };
+    let mut all = motion::motions(record).into_iter().flat_map(|m| m.stretches.into_iter().max_by_key(Vec::len));
+    all.all(|x| {
+        let part = x.len() / 6;
+        part > 1 && span(&x[x.len() - part..]) < 0.5 * span(&x[..part])
+    })
 }
 
 /// The draft as a rig, with one of the possible drives where its equations have a drive in them.
@@ -239,23 +263,6 @@ fn in_unit(draft: &Draft, group: &[usize], unit: &str) -> Draft {
     d
 }
 
-/// What the columns' names say that they measure of two arms; none where not all of them do.
-fn said(draft: &Draft) -> Option<[&'static str; 2]> {
-    match &draft.channels[..] {
-        [a, b] => match (arm(&a.name)?, arm(&b.name)?) {
-            (first @ ("theta1" | "phi1"), second @ ("theta2" | "phi2")) => Some([first, second]),
-            _ => None,
-        },
-        _ => None,
-    }
-}
-
-fn measuring(draft: &Draft, order: &[&str]) -> Draft {
-    let mut d = draft.clone();
-    d.channels.iter_mut().zip(order).for_each(|(c, m)| c.measures = (*m).to_owned());
-    d
-}
-
 /// Frequencies that leave so little more that they may be the drive's as well.
 fn rivals(tried: &[Tried], other: &dyn Fn(&Draft) -> bool, left: f64, look: &Look) -> Vec<f64> {
     let mut out: Vec<f64> = Vec::new();
@@ -266,13 +273,6 @@ fn rivals(tried: &[Tried], other: &dyn Fn(&Draft) -> bool, left: f64, look: &Loo
         }
     }
     out
-}
-
-fn beside(by: f64) -> String {
-    if by.is_finite() {
-        return format!("every other leaves at least {} times the residual", significant((by / 2.0).exp(), 3));
-    }
-    "no other fits".to_owned()
 }
 
 fn tell_counts(c: &mut DraftChannel, by: f64) {
@@ -291,6 +291,24 @@ fn tell_counts(c: &mut DraftChannel, by: f64) {
     });
 }
 
+/// Tells the counts a turn that are open, and that another system may be meant where none fits.
+fn tell_all_counts(draft: &mut Draft, open: &Open, by: f64, fits: bool, settings: &Settings) {
+    for k in &open.counts {
+        let c = &mut draft.channels[*k];
+        // Numbers at the ends of those that are tried fit what has another system's equations.
+        if !fits && c.counts_per_turn.is_some_and(|n| !COMMON.contains(&n)) {
+            meant::common_counts(c);
+        } else {
+            tell_counts(c, by);
+        }
+    }
+    if !fits && settings.system.is_none() && !open.counts.is_empty() {
+        let why = "its equations of motion fit no reading of these columns to the sensors' noise; another system is told by --system, `whirl list models` lists them";
+        let model = draft.model.clone().unwrap_or_default();
+        draft.why_model.push(Statement::new("model", model, why).unsure());
+    }
+}
+
 fn tell_unit(c: &mut DraftChannel, by: f64) {
     c.why.retain(|w| !w.check);
     let text = format!("an angle in {}", c.unit);
@@ -304,34 +322,6 @@ fn tell_unit(c: &mut DraftChannel, by: f64) {
         let why = "its name says an angle; the equations of motion fit nearly as well with the other of rad and deg";
         Statement::new(&c.name, text, why).unsure()
     });
-}
-
-/// Which column shows what in a reading, and the options that say so.
-fn otherwise(draft: &Draft) -> String {
-    let each = |text: &dyn Fn(&DraftChannel) -> String| draft.channels.iter().map(text).collect::<Vec<_>>();
-    let columns = each(&|c| format!("{} as {}", c.name, c.measures)).join(" and ");
-    let options = each(&|c| format!("--map {}={}", c.measures, shell_word(&c.name))).join(" ");
-    format!("{columns} ({options})")
-}
-
-fn tell_measures(draft: &mut Draft, by: f64, is_founded: bool, rival: &str, by_name: bool) {
-    for c in &mut draft.channels {
-        let what = match c.measures.as_str() {
-            "theta1" | "phi1" => "the angle of arm 1",
-            "theta2" => "the angle of arm 2 relative to arm 1",
-            _ => "the absolute angle of arm 2",
-        };
-        c.why.push(if by_name && (!is_founded || by <= 0.0) {
-            Statement::new(&c.name, what, "its name says so")
-        } else if !is_founded {
-            let why = "the equations of motion without a drive leave least so, yet do not fit; say the drive with --drive-hz HZ, or which column is which with --map theta1=COLUMN --map theta2=COLUMN";
-            Statement::new(&c.name, what, why).unsure()
-        } else if by > CLEARLY {
-            Statement::new(&c.name, what, format!("the equations of motion fit so; {}", beside(by)))
-        } else {
-            Statement::new(&c.name, what, format!("the equations of motion fit nearly as well with {rival}")).unsure()
-        });
-    }
 }
 
 fn tell_drive(draft: &mut Draft, by: f64, is_guess: bool, rivals: &[f64]) {

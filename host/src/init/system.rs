@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::columns::{Kind, Seen};
+use super::meant::{self, Need, channel, meant, words};
 use super::raw::{Raw, no_such_column};
 use super::{DraftChannel, Settings, Statement};
 use crate::error::{BadInput, Result};
@@ -15,9 +16,6 @@ use crate::rig::measures::BASE;
 use crate::system::library::Pendulum;
 use crate::system::{self, library};
 use crate::wording::format::shell_word;
-
-/// Counts a turn where nothing shows them: the commonest encoder, 1024 lines counted four times.
-pub(super) const COMMON: u32 = 4096;
 
 /// What to do for a system that is not in the list: a mass on a spring as the example.
 const OF_ONES_OWN: &str = "For another system write its equation of motion into a model file, a few lines for a mass on a spring: \
@@ -32,37 +30,6 @@ pub(super) struct Chosen {
     pub unused: Vec<Statement>,
     /// Whether a drive is to be looked for.
     pub may_be_driven: bool,
-}
-
-/// A quantity that needs a channel.
-struct Need {
-    name: String,
-    kind: Kind,
-    /// What the system counts it in; none where that is left open.
-    declared: Option<Declared>,
-}
-
-impl Need {
-    /// Whether a column cannot be this quantity, its unit being of another kind.
-    fn refuses(&self, s: &Seen) -> bool {
-        self.declared.as_ref().is_some_and(|d| d.contradicts(s.unit))
-    }
-
-    /// What it is, for messages.
-    fn words(&self) -> String {
-        match &self.declared {
-            Some(d) if self.kind == Kind::Input => format!("{} in {}", self.kind.words(), d.words),
-            _ => self.kind.words().to_owned(),
-        }
-    }
-}
-
-/// What a column is, for messages.
-fn words(s: &Seen) -> String {
-    match s.kind {
-        Kind::Input if s.unit != "1" => format!("{} in {}", s.kind.words(), s.unit),
-        _ => s.kind.words().to_owned(),
-    }
 }
 
 /// What a system needs.
@@ -123,8 +90,12 @@ fn named(system: &str, output: &Path) -> Result<(String, Needs)> {
 
 /// Chooses the system and assigns columns.
 pub(super) fn choose(raw: &Raw, seen: &[Seen], settings: &Settings) -> Result<Chosen> {
-    let angles = seen.iter().filter(|s| s.kind == Kind::Angle).count();
+    // Counts of a cart are no angle's.
+    let is_rail = |s: &Seen| s.unit == "count" && s.counts.is_none() && is_of_rail(&s.name);
+    let rails = seen.iter().filter(|s| is_rail(s)).count();
+    let angles = seen.iter().filter(|s| s.kind == Kind::Angle).count() - rails;
     let guess = match angles {
+        _ if rails > 0 => None,
         1 => Some(Pendulum::Single.id()),
         2 => Some(Pendulum::Double.id()),
         _ => None,
@@ -165,40 +136,31 @@ pub(super) fn choose(raw: &Raw, seen: &[Seen], settings: &Settings) -> Result<Ch
             },
         );
     }
+    if settings.system.is_none()
+        && let Some(of) = forces(&unused, seen)
+    {
+        let text = format!(
+            "it has no place for {of}, and a measured force seldom stands in a record for nothing: name the system that it acts on with --system"
+        );
+        why.push(Statement::new("model", &model, text).unsure());
+    }
     let channels = columns.iter().zip(&needs.list).map(|(s, n)| channel(&meant(s, n), &n.name)).collect();
     Ok(Chosen { model: Some(model), why, channels, unused, may_be_driven: needs.phase })
 }
 
-/// Whether a column is an angle by its name alone, and a displacement is to be read from it: counts
-/// of an encoder on a rail.
-fn is_by_name(s: &Seen, need: &Need) -> bool {
-    let is_open = s.is_unit_open || s.unit == "count" && s.counts.is_none();
-    need.kind == Kind::Length && s.kind == Kind::Angle && is_open
+/// Columns of forces or torques among those that are not used.
+fn forces(unused: &[Statement], seen: &[Seen]) -> Option<String> {
+    let is_force =
+        |name: &str| seen.iter().any(|s| s.name == name && ["N", "N m"].contains(&Channel::new("", s.unit).si_unit()));
+    let list: Vec<&str> = unused.iter().map(|s| s.of.as_str()).filter(|name| is_force(name)).collect();
+    (!list.is_empty()).then(|| list.join(", "))
 }
 
-/// A column as what it is to show: whole numbers that are to be an angle are an encoder's, and what
-/// is to be a displacement is in a unit that only its owner knows.
-fn meant(s: &Seen, need: &Need) -> Seen {
-    let mut s = s.clone();
-    if is_by_name(&s, need) {
-        let is_counted = s.unit == "count";
-        (s.kind, s.unit, s.is_unit_open) = (Kind::Length, "m", false);
-        let (text, why) = if is_counted {
-            (
-                "whole numbers, taken for metres",
-                "write what one of them is in metres, gain = 2.5e-5, and half of it, offset = 1.25e-5",
-            )
-        } else {
-            ("a displacement in m", "nothing says its unit: write another one, unit = \"mm\"")
-        };
-        s.why = vec![Statement::new(&s.name, text, why).unsure()];
-    }
-    if s.may_count && need.kind == Kind::Angle {
-        s.unit = "count";
-        let why = format!("whole numbers, and {} is an angle", need.name);
-        s.why = vec![Statement::new(&s.name, "an angle in counts", why)];
-    }
-    s
+/// Whether a column is called after what moves along a rail.
+fn is_of_rail(column: &str) -> bool {
+    const RAILS: [&str; 8] = ["cart", "rail", "slide", "carriage", "wagen", "schlitten", "trolley", "linear"];
+    let base = crate::record::names::split(column).0.to_lowercase();
+    base.split(|c: char| !c.is_alphabetic()).any(|word| RAILS.iter().any(|r| word.starts_with(r)))
 }
 
 /// A channel for each column that moves, of no system.
@@ -210,32 +172,6 @@ fn as_they_stand(raw: &Raw, seen: &[Seen]) -> Result<Chosen> {
     }
     let left = seen.iter().filter(|s| !moves(s)).map(|s| Statement::new(&s.name, "not used", s.kind.words()));
     Ok(Chosen { model: None, why: Vec::new(), channels, unused: left.collect(), may_be_driven: false })
-}
-
-fn channel(seen: &Seen, measures: &str) -> DraftChannel {
-    let mut why = seen.why.clone();
-    let mut counts_per_turn = seen.counts;
-    if seen.unit == "count" && counts_per_turn.is_none() {
-        counts_per_turn = Some(COMMON);
-        let text = format!("{COMMON} counts a turn");
-        why.push(Statement::new(&seen.name, text, "nothing in the record shows them; this is the commonest").unsure());
-    }
-    if seen.unit == "1" {
-        let text = if why.is_empty() {
-            "neither its name nor its values say its unit: write it in the rig file, unit = \"m\", \"mm\", \"rad\", \"deg\", \"N\", \"V\" …"
-        } else {
-            "with a scale write its unit in the rig file, unit = \"mm\", and what one of them is, gain = 0.1"
-        };
-        why.push(Statement::new(&seen.name, "numbers without a unit", text).unsure());
-    }
-    DraftChannel {
-        name: seen.name.clone(),
-        measures: measures.to_owned(),
-        unit: seen.unit.to_owned(),
-        counts_per_turn,
-        gain: (seen.factor != 1.0).then_some(seen.factor),
-        why,
-    }
 }
 
 /// The column of each quantity: the one that `--map` says, that is called so, or the next of its
@@ -256,14 +192,14 @@ fn assign<'a>(
             let list: Vec<&str> = needs.list.iter().map(|n| n.name.as_str()).collect();
             return Err(BadInput::new(format!("\"{measure}\""), format!("one of {}", list.join(", "))).at("--map"));
         };
-        if needs.list[k].refuses(found) && !is_by_name(found, &needs.list[k]) {
+        if needs.list[k].refuses(found) && !meant::may_be(found, &needs.list[k]) {
             return Err(BadInput::new(
                 format!("{column}, {}", words(found)),
                 format!("a column for {measure}, {}", needs.list[k].words()),
             )
             .in_file(&raw.path)
             .at("--map")
-            .remedy("Name the column that shows it, or another system with --system"));
+            .remedy(meant::OTHERWISE));
         }
         out[k] = Some(found);
         needs.list[k].name.clone_from(measure);

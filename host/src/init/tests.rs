@@ -131,6 +131,97 @@ fn counts_of_a_rail_are_mapped_to_a_displacement() {
 }
 
 #[test]
+fn a_sensors_voltage_is_mapped_to_an_angle_with_a_gain_to_check() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("scope.csv");
+    let volt = |i: f64| 2.5 + (0.8 * (-i / 900.0).exp() * (0.05 * i).sin() * 100.0).round() / 100.0;
+    std::fs::write(
+        &path,
+        format!("t,CH1 (Volt),y_mm\n{}", rows(3000, |i| format!("{},{:.2},{}", 0.01 * i, volt(i), i.sin()))),
+    )
+    .unwrap();
+    let with = |map: &str, system: &str| {
+        let choices = Choices { map: vec![crate::rig::choices::pair(map).unwrap()], ..Choices::default() };
+        let output = folder.path().join("rig.toml");
+        let system = Some(system.to_owned());
+        draft(&path, &Settings { choices, system, output, needs_system: true, ..Settings::default() })
+    };
+    let d = with("theta1=CH1 (Volt)", "single-pendulum").unwrap();
+    let c = channel(&d, "CH1 (Volt)");
+    assert_eq!((c.measures.as_str(), c.unit.as_str(), c.gain), ("theta1", "deg", Some(36.0)));
+    assert!(
+        c.why.iter().any(|s| s.check && s.why.contains("10 V a turn") && s.why.contains("gain, and offset")),
+        "{c:?}"
+    );
+    assert_eq!(d.rig().unwrap().channel[0].gain, Some(36.0));
+    // What is no sensor's voltage must be what it is mapped to, and the message says what else there is.
+    let e = with("theta1=y_mm", "single-pendulum").unwrap_err().to_string();
+    assert!(
+        e.contains("found y_mm, a displacement, expected a column for theta1, an angle") && e.contains("gain what one"),
+        "{e}"
+    );
+}
+
+#[test]
+fn a_cart_and_a_force_are_no_double_pendulum_without_a_word() {
+    let cart = |i: f64| (9000.0 * (0.02 * i).sin()).floor();
+    let row =
+        |i: f64| format!("{},{},{},{:.3}", 0.002 * i, cart(i), (600.0 * (0.03 * i).cos()).floor(), (0.02 * i).cos());
+    let text = |names: &str| format!("t,{names}\n{}", rows(3000, row));
+    let e = drafted("a.csv", &text("cart_counts,pend_counts,force_N"), None).unwrap_err().to_string();
+    assert!(e.contains("--system: found 3 channels: cart_counts") && e.contains("cart-pendulum"), "{e}");
+    let d = drafted("a.csv", &text("enc_a,enc_b,force_N"), None).unwrap();
+    let model = d.why_model.iter().find(|s| s.of == "model" && s.check).unwrap();
+    assert!(model.why.contains("has no place for force_N") && model.why.contains("--system"), "{model:?}");
+    assert!(
+        d.channels.iter().all(|c| c.counts_per_turn.is_some_and(|n| (400..=40_000).contains(&n))),
+        "{:?}",
+        d.channels
+    );
+}
+
+#[test]
+fn a_gyroscopes_rate_is_no_angle_and_what_to_do_is_told() {
+    let row = |i: f64| format!("{},{:.4}", 0.005 * i, (0.02 * i).sin());
+    let e = drafted("a.csv", &format!("Time (s),Gyroscope z (rad/s)\n{}", rows(3000, row)), None).unwrap_err();
+    let e = e.to_string();
+    assert!(
+        e.contains("expected a column of an angle or a displacement") && e.contains("its sum over the rows"),
+        "{e}"
+    );
+}
+
+/// A channel of that name and nothing else.
+pub(super) fn channel_of(name: &str) -> DraftChannel {
+    DraftChannel {
+        name: name.to_owned(),
+        measures: String::new(),
+        unit: "deg".to_owned(),
+        counts_per_turn: None,
+        gain: None,
+        why: Vec::new(),
+    }
+}
+
+/// A draft of nothing but channels.
+pub(super) fn draft_of(channels: Vec<DraftChannel>) -> Draft {
+    Draft {
+        record: PathBuf::new(),
+        at: PathBuf::new(),
+        name: String::new(),
+        model: None,
+        why_model: Vec::new(),
+        sample_rate_hz: 1.0,
+        time: TimeChoice::default(),
+        why_time: Vec::new(),
+        drive: None,
+        channels,
+        unused: Vec::new(),
+        stored: None,
+    }
+}
+
+#[test]
 fn a_rate_is_not_rounded_beyond_what_is_told_as_another() {
     let mut segment = Segment::new(0.0, 1.0 / 1945.88, vec![Column::Values(vec![0.0; 20])]);
     segment.jitter_s = 0.3 * segment.step_s;

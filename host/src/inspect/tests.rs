@@ -198,6 +198,31 @@ fn a_report_of_an_inspection_is_small_complete_and_the_same_every_time() {
     assert_eq!(page, crate::report::Report::of("double pendulum", "made.csv", &results).render().unwrap());
 }
 
+/// A free motion that dies away has neither exponent nor attractor; one that goes on may.
+#[test]
+fn what_dies_away_has_no_exponent() {
+    let text = "name = \"p\"\nmodel = \"single-pendulum\"\nsample_rate_hz = 100.0\n\
+                [[channel]]\nname = \"a\"\nmeasures = \"theta1\"\nunit = \"rad\"\n";
+    let rig = Rig::parse(text, Path::new("rig.toml")).unwrap();
+    let found = |rate: f64| {
+        let swing = (0..6000).map(|i| {
+            let t = 0.01 * f64::from(i);
+            (1e4 * (-rate * t).exp() * (TAU * 0.9 * t).sin()).round() / 1e4
+        });
+        let segment = Segment::new(0.0, 0.01, vec![Column::Values(swing.collect())]);
+        motion_of(&Record::of("made.csv", &rig, vec![segment]), &rig, &settings()).unwrap()
+    };
+    let dying = found(0.02);
+    assert!(dying.phase_space.dies_away && dying.phase_space.lyapunov.is_none());
+    assert!(dying.phase_space.correlation_dimension.is_none());
+    let told = text::text(&dying);
+    assert!(told.contains("exponent   none: the motion dies away"), "{told}");
+    let steady = found(0.0);
+    assert!(!steady.phase_space.dies_away && !text::text(&steady).contains("dies away"));
+    // That no delay is clear is no warning.
+    assert!(dying.warnings.is_empty(), "{:?}", dying.warnings);
+}
+
 /// A record of the axis that a force moves: force amplitude, and a noise of both channels beside
 /// which the last digit is small.
 fn pushed(amplitude: f64) -> Inspection {

@@ -86,6 +86,9 @@ pub struct PhaseSpace {
     /// Unstable periodic orbits (free).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub free_orbits: Option<FreeExtraction>,
+    /// Whether it is of a free motion that dies away, which has neither exponent nor attractor.
+    #[serde(skip)]
+    pub dies_away: bool,
 }
 
 impl PhaseSpace {
@@ -96,8 +99,9 @@ impl PhaseSpace {
     }
 }
 
-/// Share of its first motion below which a free one dies away (by hand).
-const DIED: f64 = 0.5;
+/// Share of the motion in its first third below which that in the last is of a free one that dies
+/// away, where it was less in each third than in the one before (by hand).
+const DIED: f64 = 0.8;
 
 /// A piece of a record that is used: samples from … to − 1 of a segment.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -172,7 +176,7 @@ struct Survey<'a> {
 impl Survey<'_> {
     /// Delay and dimension of each coordinate. The Theiler window of a free system grows with the
     /// delays found.
-    fn coordinates(&self, theiler: &mut u32, warnings: &mut Vec<Warning>) -> Vec<CoordinateSpace> {
+    fn coordinates(&self, theiler: &mut u32) -> Vec<CoordinateSpace> {
         let settings = self.settings;
         let lags = self.period.map_or((0.4 * self.rate) as usize, |t| t.round() as usize).clamp(100, 500);
         let mut spaces = Vec::new();
@@ -183,9 +187,6 @@ impl Survey<'_> {
             let delay = chosen.map_or_else(|| decay(&bits.bits), |c| c.lag).max(1);
             *theiler = if self.period.is_some() { *theiler } else { (*theiler).max(4 * delay as u32) };
             let weak = chosen.is_none_or(|c| c.depth < settings.weak);
-            if weak || minima.first().is_some_and(|f| f.lag != delay) {
-                warnings.push(survey_warnings::weak_minima(&c.motion.name, &minima, delay, weak, self.rate));
-            }
             let choice = false_neighbours::Settings {
                 dimensions: settings.dimensions,
                 theiler: *theiler,
@@ -238,8 +239,8 @@ impl Survey<'_> {
         }
     }
 
-    /// Whether the record's last third moves less than [`DIED`] of its first, by the path that all
-    /// coordinates go in a sample.
+    /// Whether the record moves less from third to third, and in the last less than [`DIED`] of the
+    /// first, by the path that all coordinates go in a sample.
     fn dies_away(&self) -> bool {
         let path = |x: &[f64]| x.windows(2).map(|w| (w[1] - w[0]).abs()).sum::<f64>();
         let third = |k: usize| -> f64 {
@@ -254,20 +255,24 @@ impl Survey<'_> {
             };
             self.moving.iter().map(of).sum()
         };
-        third(2) < DIED * third(0)
+        let [first, second, last] = [0, 1, 2].map(third);
+        first > second && second > last && last < DIED * first
     }
 
     /// Exponent and correlation dimension, of all coordinates together.
     fn exponent_and_dimension(&self, stretches: &[Trajectory<'_>], out: &mut PhaseSpace) {
         let phase = self.period.map(|t| phase_of(stretches, t));
         let state = JointState { coordinates: self.observables.iter().collect(), phase: phase.as_ref() };
-        out.lyapunov = survey_exponent::lyapunov(&state, self.period, out, self.rate);
+        // What dies away keeps to no attractor: neighbours part for good, or not at all.
+        out.dies_away = self.period.is_none() && self.dies_away();
+        if !out.dies_away {
+            out.lyapunov = survey_exponent::lyapunov(&state, self.period, out, self.rate);
+        }
         let delays = state.delays(out.dimension);
         let e = state.embedding(delays, out.delay, 0, self.settings.most_vectors);
         let noise = self.moving.iter().zip(&self.observables).map(|(c, o)| c.inspected.noise / o.unit);
         let noise = 3.0 * noise.fold(0.0, f64::max);
-        // What dies away has no attractor to have a dimension.
-        if self.period.is_some() || !self.dies_away() {
+        if !out.dies_away {
             out.correlation_dimension = Some(correlation_dimension(&e, out.theiler, 1000, noise));
         }
     }
@@ -327,7 +332,7 @@ pub fn survey(
     let survey = Survey { observables: observables.collect(), moving, rate, period, settings };
     let mut theiler = period.map_or(0, |t| t.round() as u32);
     let mut warnings = Vec::new();
-    let spaces = survey.coordinates(&mut theiler, &mut warnings);
+    let spaces = survey.coordinates(&mut theiler);
     // The coordinate whose information falls most has most to tell about the delay.
     let fall = |s: &CoordinateSpace| {
         let b = &s.mutual_information.bits;
@@ -348,6 +353,7 @@ pub fn survey(
         correlation_dimension: None,
         orbits: None,
         free_orbits: None,
+        dies_away: false,
     };
     if !(repeats || survey.moving.is_empty()) {
         survey.exponent_and_dimension(&stretches, &mut out);

@@ -33,6 +33,9 @@ pub fn text(space: &PhaseSpace) -> String {
             ),
         );
     }
+    if space.dies_away {
+        line("exponent", "none: the motion dies away, and neighbouring states with it".to_owned());
+    }
     if let Some(l) = &space.lyapunov {
         let period = match (l.per_period, l.per_period_std_error) {
             (Some(v), Some(e)) => format!(", {} a drive period", plus_minus(v, Z95 * e)),
@@ -52,7 +55,8 @@ pub fn text(space: &PhaseSpace) -> String {
             }
             _ => String::new(),
         };
-        line("exponent", format!("{} /s{period}{divergence}", plus_minus(l.per_second, Z95 * l.std_error)));
+        let open = if space.spreads() { "" } else { "; it does not show that neighbouring states part" };
+        line("exponent", format!("{} /s{period}{divergence}{open}", plus_minus(l.per_second, Z95 * l.std_error)));
     }
     if let Some(d) = space.correlation_dimension.as_ref().filter(|d| d.dimension.is_some()) {
         line(

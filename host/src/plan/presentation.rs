@@ -124,8 +124,8 @@ pub fn line(plan: &Plan) -> Option<String> {
         there => {
             if let Some(there) = there.and_then(nearest) {
                 let from = there.from.as_ref().map_or("nothing missing", |f| f.as_str());
-                let told = format!("{:.1} from {from}{}", there.deviations, alone(there.draws));
-                let _ = write!(out, "; as it is set now, in the same time, {told}");
+                let told = format!("at {:.1} standard errors{}", there.deviations, alone(there.draws));
+                let _ = write!(out, "; as it is set now, a record as long would tell it from {from} {told}");
             }
         }
     }
@@ -157,7 +157,8 @@ fn proposal(out: &mut String, p: &Proposal, tell: &[String]) {
         let from = s.from.as_ref().map_or("nothing missing".to_owned(), Clone::clone);
         let _ = writeln!(out, "  {} from {from}: {:.1} standard errors{}", s.effect, s.deviations, alone(s.draws));
     }
-    let _ = writeln!(out, "  {:<28} {:>13} {:>12} (95 %)", "parameter", "value", "±");
+    // What a fit to a simulated record gives, not what the model has.
+    let _ = writeln!(out, "  {:<28} {:>13} {:>12} (95 %)", "parameter", "in one draw", "±");
     for (q, [low, high]) in p.parameters.iter().zip(&p.std_errors) {
         let half = Z95 * q.std_error;
         let (value, error) = (to_digits_of(q.value, half), significant(half, 3));

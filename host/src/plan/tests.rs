@@ -122,6 +122,11 @@ fn one_draw_is_told_without_a_bound() {
     assert!(line.contains("standard errors (one draw); as it is set now"), "{line}");
     assert!(!human.contains("97.5 %") && human.contains("not certain: it rests on one draw"), "{human}");
     assert!(human.contains("by one draw\n"), "{human}");
+    assert!(
+        line.contains("a record as long would tell it from nothing missing at 9.0 standard errors (one draw)"),
+        "{line}"
+    );
+    assert!(human.contains("in one draw"), "{human}");
     let (line, human) = told(&[9.0, 8.0, 10.0]);
     assert!(line.contains("standard errors; as it is") && line.ends_with(" (one draw)"), "{line}");
     assert_eq!(human.matches("97.5 %").count(), 1, "{human}");

@@ -40,8 +40,8 @@ pub(super) fn check(path: &Path, rig: &Rig, count: u64, step: f64) -> Result<f64
             format!("{nominal} Hz (sample_rate_hz of {}) within 0.5 %", rig.path.display()),
         )
         .in_file(path)
-        .at("column t")
-        .remedy(rate_remedy(rate, nominal)));
+        .at(format!("column {}", time_of(rig)))
+        .remedy(rate_remedy(time_of(rig), rate, nominal)));
     }
     Ok(rate)
 }
@@ -54,19 +54,24 @@ fn no_clock(path: &Path, step: f64) -> BadInput {
         .remedy("The times must be in seconds: correct the column, or say its unit with --time COLUMN:UNIT")
 }
 
-/// What to do where the record's rate, Hz, is not the rig file's.
-fn rate_remedy(rate: f64, nominal: f64) -> String {
+/// What the time's column is called, as far as the rig file says it.
+fn time_of(rig: &Rig) -> &str {
+    rig.time.column.as_deref().unwrap_or("t")
+}
+
+/// What to do where the record's rate, Hz, by the column `time`, is not the rig file's.
+fn rate_remedy(time: &str, rate: f64, nominal: f64) -> String {
     // A rate that is off by a thousand or more is another unit of time.
     let unit =
         [(1e3, "ms"), (1e6, "µs"), (1e9, "ns")].into_iter().find(|(k, _)| (rate * k / nominal - 1.0).abs() < 0.05);
     match unit {
         Some((factor, unit)) => {
-            format!("t is in {unit}, it seems: divide it by {factor:.0}, since t must be in seconds")
+            format!("{time} is in {unit}, it seems: divide it by {factor:.0}, since it must be in seconds")
         }
         // No rig file may say it: these are no seconds.
-        None if !crate::rig::RATES.contains(&rate) => "t must be in seconds: correct the column".to_owned(),
+        None if !crate::rig::RATES.contains(&rate) => format!("{time} must be in seconds: correct the column"),
         None => format!(
-            "Set sample_rate_hz = {} in the rig file if that is the record's rate; t must be in seconds. A clock that is uneven on purpose is made even by --resample",
+            "Set sample_rate_hz = {} in the rig file if that is the record's rate; otherwise {time} must be in seconds, or hold dates. A clock that is uneven on purpose is made even by --resample",
             shortest(rate)
         ),
     }
@@ -88,9 +93,12 @@ mod tests {
 
     #[test]
     fn another_unit_of_time_is_named() {
-        assert!(rate_remedy(500.0 / 1e9, 500.0).starts_with("t is in ns, it seems: divide it by 1000000000"));
-        assert!(rate_remedy(0.5, 500.0).starts_with("t is in ms"));
-        assert!(rate_remedy(1e190, 500.0).starts_with("t must be in seconds"));
-        assert!(rate_remedy(250.0, 500.0).starts_with("Set sample_rate_hz = 250 in the rig file"));
+        assert!(rate_remedy("t", 500.0 / 1e9, 500.0).starts_with("t is in ns, it seems: divide it by 1000000000"));
+        assert!(rate_remedy("t", 0.5, 500.0).starts_with("t is in ms"));
+        assert!(rate_remedy("t", 1e190, 500.0).starts_with("t must be in seconds"));
+        assert!(
+            rate_remedy("Timestamp", 250.0, 500.0).contains("otherwise Timestamp must be in seconds, or hold dates")
+        );
+        assert!(rate_remedy("t", 250.0, 500.0).starts_with("Set sample_rate_hz = 250 in the rig file"));
     }
 }

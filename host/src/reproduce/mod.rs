@@ -118,8 +118,10 @@ pub struct Reproduction {
     pub panels: (Vec<Panel>, usize, f64),
 }
 
+/// A number of a table; a whole one, as a count is, without places.
 fn cell(x: Option<f64>) -> String {
-    x.map_or_else(|| "–".to_owned(), |x| significant(x, 5))
+    let one = |x: f64| if x.fract() == 0.0 && x.abs() < 1e6 { format!("{x}") } else { significant(x, 5) };
+    x.map_or_else(|| "–".to_owned(), one)
 }
 
 impl Reproduction {

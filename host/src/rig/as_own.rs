@@ -117,6 +117,20 @@ pub fn double_pendulum_of_bodies(rig: &Rig, nominal: &[String]) -> Result<Rig> {
     Ok(Rig { channel: rig.channel.clone(), nominal: Some(nominal.to_vec()), ..out })
 }
 
+/// The rig of a single pendulum with the system file that ships with the program, with nominal
+/// dampings by their ids.
+///
+/// # Errors
+/// As [`double_pendulum_of_bodies`].
+pub fn single_pendulum_of_bodies(rig: &Rig, nominal: &[String]) -> Result<Rig> {
+    let is_horizontal = rig.direction() == Some(Direction::Horizontal);
+    let name = if is_horizontal { "single-pendulum-horizontal" } else { "single-pendulum" };
+    let text = library::text(name).unwrap_or_default().to_owned();
+    let model = system::model_of(Source { text, path: rig.path.clone() }, Some(nominal), rig.omega())?;
+    let out = with_model(rig, model)?;
+    Ok(Rig { channel: rig.channel.clone(), nominal: Some(nominal.to_vec()), ..out })
+}
+
 /// The rig of a built-in system with its coordinates alone: its equations say nothing of the
 /// system.
 ///

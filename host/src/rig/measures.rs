@@ -10,8 +10,8 @@ use std::sync::Arc;
 
 use nalgebra::DMatrix;
 
-use super::Rig;
 use super::declared::{self, Declared};
+use super::{Rig, possible};
 use crate::error::{BadInput, Result};
 use crate::model::MODELS;
 use crate::model::model_file::expression::{Symbol, as_number};
@@ -211,7 +211,10 @@ fn known(rig: &Rig, model: &ModelFile) -> Result<()> {
     let Some(mechanism) = &model.mechanism else { return super::check_known(&rig.known, &rig.path) };
     let names = mechanism.known_names();
     match rig.known.iter().find(|(k, v)| *k != "g" && !(names.contains(&k.as_str()) && v.is_finite())) {
-        None => Ok(()),
+        None => {
+            let values = rig.known.iter().map(|(k, v)| (k.as_str(), *v));
+            possible::check((&rig.path, &rig.text), "known", mechanism, values)
+        }
         Some((k, v)) => {
             let (found, expected) = if names.contains(&k.as_str()) {
                 (v.to_string(), "a finite number".to_owned())

@@ -12,6 +12,7 @@ pub mod computed;
 pub mod declared;
 pub mod measures;
 pub mod plant;
+pub(crate) mod possible;
 pub mod single_plant;
 
 use std::collections::BTreeMap;

@@ -188,7 +188,8 @@ impl Reader<'_> {
             Some(v) => {
                 let direction = self.vector(v).map_err(|e| {
                     let expected = "\"down\", or a vector such as \"[g*sin(0.1), -g*cos(0.1)]\"";
-                    BadInput { expected: expected.to_owned(), ..e }
+                    let remedy = "Write gravity = \"down\", or where it points: up is \"[0, g]\"";
+                    BadInput { expected: expected.to_owned(), remedy: remedy.to_owned(), ..e }
                 })?;
                 Ok(Some(Gravity::Along(direction)))
             }

@@ -100,6 +100,14 @@ impl Scoped<'_> {
                 "Remove the prime",
             );
         }
+        if self.0.scalars.iter().any(|(n, _)| n == name) {
+            let rate = if self.0.scalars.iter().any(|(n, _)| n == "v") { "v" } else { "the words of its place" };
+            return Fault::new(
+                format!("{name}{}", "'".repeat(primes)),
+                format!("{rate} for a rate"),
+                "A law of an effect holds rates by their own names, and no accelerations: see docs/effects.md",
+            );
+        }
         match primes {
             2.. if self.0.coordinates.iter().any(|n| n == name) => Fault::new(
                 format!("{name}{}", "'".repeat(primes)),
@@ -274,6 +282,9 @@ impl Grammar for Scoped<'_> {
             None => {
                 let remedy = if function {
                     format!("Give the function its argument, {name}(…)")
+                } else if !self.0.scalars.is_empty() {
+                    "Correct the name, or give it as a strength, under shape or under states; see docs/effects.md"
+                        .to_owned()
                 } else if motion {
                     "Correct the name, or declare it under parameters, constants, inputs or above under points"
                         .to_owned()

@@ -58,7 +58,11 @@ pub fn human(v: &Validation) -> String {
         line(format!("  natural frequencies {} and {} Hz in the model", significant(a, 4), significant(b, 4)));
     }
     for c in &v.checks {
-        line(format!("  {}: {}: {}", if c.passed { "passed" } else { "FAILED" }, c.name, c.message));
+        // What failed stands whole on the card.
+        line(match c.passed {
+            true => format!("  passed: {}: {}", c.name, c.message),
+            false => format!("  FAILED: {} (above)", c.name),
+        });
     }
     out
 }

@@ -100,13 +100,18 @@ pub fn capitalised(text: &str) -> String {
     letters.next().map_or_else(String::new, |c| c.to_uppercase().chain(letters).collect())
 }
 
-/// A sentence as part of another: a word begins with a small letter, a symbol stays.
+/// Words with which whirl's own sentences begin. Whatever else a sentence begins with may be a name
+/// of a file, and stays.
+const OPENINGS: [&str; 24] = [
+    "A", "All", "An", "At", "Between", "Both", "Each", "From", "In", "It", "Its", "No", "Nothing", "Of", "One", "Over",
+    "Some", "The", "These", "This", "Under", "What", "Where", "With",
+];
+
+/// A sentence as part of another: an opening word begins with a small letter; a symbol, and a name
+/// that a file gave, stays.
 pub fn inside(text: &str) -> String {
-    let mut letters = text.chars();
-    match (letters.next(), letters.clone().next()) {
-        (Some(first), Some(second)) if second.is_lowercase() => first.to_lowercase().chain(letters).collect(),
-        _ => text.to_owned(),
-    }
+    let first = text.split_whitespace().next().unwrap_or_default();
+    if OPENINGS.contains(&first) { first.to_lowercase() + &text[first.len()..] } else { text.to_owned() }
 }
 
 /// A text as a sentence of its own: with a capital letter first, unless it begins with a symbol, a
@@ -154,6 +159,19 @@ mod tests {
             ("", ""),
         ] {
             assert_eq!(super::sentence(text), sentence);
+        }
+    }
+
+    #[test]
+    fn names_of_columns_keep_their_letters_inside_a_sentence() {
+        for (text, within) in [
+            ("Upper arm (deg) and Lower arm (deg) are in deg", "Upper arm (deg) and Lower arm (deg) are in deg"),
+            ("These coefficients contradict each other", "these coefficients contradict each other"),
+            ("The drive runs", "the drive runs"),
+            ("B11 is negative", "B11 is negative"),
+            ("", ""),
+        ] {
+            assert_eq!(super::inside(text), within);
         }
     }
 

@@ -57,6 +57,9 @@ fn in_plain_words(message: &str, met: &str, line: &str) -> BadInput {
     if let Some((key, known)) = unknown_key(message) {
         return BadInput::new(format!("the key \"{key}\""), format!("one of {}", known.join(", ")));
     }
+    if let Some(number) = decimal_comma(line) {
+        return BadInput::new(number, format!("a decimal point, {}", number.replace(',', ".")));
+    }
     if message == "duplicate key" {
         return BadInput::new(format!("the key \"{met}\" a second time"), "each key once");
     }
@@ -94,6 +97,14 @@ fn in_plain_words(message: &str, met: &str, line: &str) -> BadInput {
         }
         None => BadInput::new(message.to_owned(), ""),
     }
+}
+
+/// The value of a line that is one number with a decimal comma.
+fn decimal_comma(line: &str) -> Option<&str> {
+    let value = line.split_once('=')?.1.split('#').next()?.trim();
+    let (whole, part) = value.split_once(',')?;
+    let digits = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    (digits(whole.trim_start_matches(['-', '+'])) && digits(part)).then_some(value)
 }
 
 /// A value as the reader calls it.
@@ -200,6 +211,19 @@ mod tests {
         m1: f64,
         #[serde(default)]
         initial: [f64; 4],
+    }
+
+    #[test]
+    fn a_decimal_comma_is_told() {
+        assert_eq!(decimal_comma("sample_rate_hz = 200,0 # Hz"), Some("200,0"));
+        assert_eq!(decimal_comma("offset = -1,25"), Some("-1,25"));
+        for line in ["a = [1,2]", "a = \"1,2\"", "a = 1,2,3", "a = 1.0", "[table]"] {
+            assert_eq!(decimal_comma(line), None, "{line}");
+        }
+        let text = "a = 200,0\n";
+        let error = toml::from_str::<toml::Table>(text).unwrap_err();
+        let told = told(&error, text, "a rig file", "docs/rig-file.md").to_string();
+        assert!(told.contains("found 200,0, expected a decimal point, 200.0"), "{told}");
     }
 
     #[test]

@@ -37,6 +37,7 @@ use scene::Scene;
 
 pub(crate) use hypotheses::COUNTS;
 pub use scan::drive_frequencies;
+pub(super) use tell::explains;
 
 /// Most windows that are looked at.
 const WINDOWS: usize = 64;

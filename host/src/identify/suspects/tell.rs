@@ -15,6 +15,16 @@ use crate::wording::format::{Z95, plus_minus, shortest, significant};
 const GROWS: f64 = 5.0;
 /// Distance within which a number of counts is a whole one.
 const WHOLE: f64 = 0.05;
+/// Percent up to which a scale that is off may be a play or a slip.
+const MOST_SLIP: f64 = 20.0;
+/// Share within which a number of counts that is sold is named beside the one found.
+const NEAR_SOLD: f64 = 5e-3;
+
+/// Whether with what a warning says mended the equations leave no more than the sensors' noise.
+pub(in crate::identify) fn explains(warning: &Warning) -> bool {
+    let after = warning.details.get("residual_after").and_then(serde_json::Value::as_f64);
+    after.is_some_and(|ratio| ratio.ln() < super::CLEAN)
+}
 
 /// The warning for what was found.
 pub(super) fn tell(scene: &Scene, before: &Misfit, found: &Finding) -> Warning {
@@ -65,7 +75,7 @@ pub(super) fn tell(scene: &Scene, before: &Misfit, found: &Finding) -> Warning {
             .with("unit", unit)
             .with("factor", *factor)
         }
-        Undo::Scale(list, factor) => scaled(&channels, list, *factor, error(0), &why),
+        Undo::Scale(list, factor) => scaled(&channels, list, (*factor, error(0)), found, &why),
         Undo::Drive(rate) => drive(scene, *rate, error(0), &why),
         Undo::Lag { signal, delay_s, drift, .. } => {
             let step_s = scene.stretches.first().map_or(1.0, |s| s.step_s);
@@ -118,7 +128,31 @@ fn relative_advice(channel: &Channel, relative: bool) -> String {
     }
 }
 
-fn scaled(channels: &[&Channel], list: &[usize], factor: f64, error: f64, why: &str) -> Warning {
+/// Counts a turn as far as a record knows them, and what to do; with the equations `is_clean` where
+/// they leave nothing but the sensors' noise.
+fn counts(value: f64, uncertainty: f64, factor: f64, is_clean: bool) -> (String, String) {
+    if is_clean && uncertainty < 0.5 && (value - value.round()).abs() < WHOLE.max(uncertainty) {
+        return (format!("{value:.0}"), format!("Set counts_per_turn = {value:.0} in the rig file"));
+    }
+    let apart = |n: f64| (n / value).ln().abs();
+    let sold = super::COUNTS.into_iter().map(f64::from).min_by(|a, b| apart(*a).total_cmp(&apart(*b)));
+    let near = sold.filter(|n| apart(*n) < NEAR_SOLD && *n != value.round());
+    let advice = if let Some(sold) = near {
+        format!(
+            "Set counts_per_turn to the encoder's own number in the rig file: this record says {value:.0}, and encoders of {sold} are sold"
+        )
+    } else {
+        // What is off by a half or a double is another encoder.
+        let percent = 100.0 * (factor - 1.0).abs();
+        let slip =
+            format!("; otherwise its scale is off by {} %, a play or slip of its drive", significant(percent, 3));
+        let slip = if percent < MOST_SLIP { &slip } else { "" };
+        format!("Set counts_per_turn = {value:.0} in the rig file if that is the encoder's number{slip}")
+    };
+    (plus_minus(value, uncertainty), advice)
+}
+
+fn scaled(channels: &[&Channel], list: &[usize], (factor, error): (f64, f64), found: &Finding, why: &str) -> Warning {
     let all: Vec<&str> = list.iter().map(|i| channels[*i].name.as_str()).collect();
     let who = all.join(" and ");
     let channel = channels[list[0]];
@@ -127,17 +161,8 @@ fn scaled(channels: &[&Channel], list: &[usize], factor: f64, error: f64, why: &
         Some(stated) => {
             let value = factor * f64::from(stated);
             let uncertainty = (error * f64::from(stated)).max(0.0);
-            let whole = (value - value.round()).abs() < WHOLE.max(uncertainty);
-            let shown = if whole { format!("{value:.0}") } else { plus_minus(value, uncertainty) };
-            let set = format!("Set counts_per_turn = {value:.0} in the rig file");
-            let advice = if whole {
-                set
-            } else {
-                format!(
-                    "{set} if that is the encoder's number; otherwise its scale is off by {} %, a play or slip of its drive",
-                    significant(100.0 * (factor - 1.0).abs(), 3)
-                )
-            };
+            let is_clean = found.after.log < super::CLEAN;
+            let (shown, advice) = counts(value, uncertainty, factor, is_clean);
             Warning::new(
                 "counts-per-turn",
                 format!("{who} {} {shown} counts a turn, not {stated}: {why}", if plural { "have" } else { "has" }),
@@ -235,5 +260,26 @@ impl Lag {
     .with("value_s", delay_s)
     .with("std_error_s", error / Z95)
     .with("samples", delay_s / step_s)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_number_of_counts_is_set_only_where_the_record_knows_it() {
+        let told = |value: f64, uncertainty: f64, is_clean: bool| counts(value, uncertainty, value / 2048.0, is_clean);
+        let (shown, advice) = told(4096.003, 0.02, true);
+        assert_eq!((shown.as_str(), advice.as_str()), ("4096", "Set counts_per_turn = 4096 in the rig file"));
+        // An effect that is missing moves it by more than its error.
+        let (shown, advice) = told(4094.005, 0.08, false);
+        let said = "this record says 4094, and encoders of 4096 are sold";
+        assert!(shown.contains('±') && advice.contains(said), "{shown} {advice}");
+        // Five counts of uncertainty make every number a whole one.
+        assert!(told(4094.4, 5.0, true).0.contains('±'));
+        let advice = told(3333.3, 0.1, true).1;
+        assert_eq!(advice, "Set counts_per_turn = 3333 in the rig file if that is the encoder's number");
+        assert!(told(2100.3, 0.1, true).1.contains("off by 2.55 %, a play or slip"), "{}", told(2100.3, 0.1, true).1);
     }
 }

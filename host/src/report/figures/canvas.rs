@@ -200,6 +200,12 @@ fn draw_legend(pen: &Pen, row: &[(f64, String, RGBColor, Shape)], y: f64) {
     }
 }
 
+/// The first of two tops of a label that none of these lines strikes through.
+fn free_of(lines: &[f64], tops: [f64; 2]) -> f64 {
+    let is_free = |top: &f64| lines.iter().all(|y| !(top - 2.0..top + FONT + 2.0).contains(y));
+    tops.into_iter().find(is_free).unwrap_or(tops[0])
+}
+
 /// Frame, grid, ticks, labels and rules.
 fn draw_axes(pen: &Pen, panel: &Panel, x: &Fixed, y: &Fixed, frame: Frame) {
     let Frame { left, top, width, height } = frame;
@@ -220,12 +226,13 @@ fn draw_axes(pen: &Pen, panel: &Panel, x: &Fixed, y: &Fixed, frame: Frame) {
         pen.text(Label::new(text, (left - 8.0, at_y(*v)), (HPos::Right, VPos::Center)));
     }
     let mut label_end = f64::NEG_INFINITY;
+    let crossing: Vec<f64> = panel.rules.iter().filter(|r| !r.vertical).map(|r| at_y(y.place(r.at))).collect();
     for rule in &panel.rules {
         if rule.vertical {
             let v = x.place(rule.at);
             if v.is_finite() {
                 pen.line((at_x(v), top), (at_x(v), bottom), &palette::SOFT, 2);
-                let place = (at_x(v) + 3.0, top + 3.0);
+                let place = (at_x(v) + 3.0, free_of(&crossing, [top + 3.0, bottom - 3.0 - FONT]));
                 // A label that would run into the one before it is left out.
                 let end = place.0 + text_width(&rule.label, FONT - 1.5);
                 if place.0 < label_end || end > left + width {
@@ -345,6 +352,13 @@ fn draw_marks(
 mod tests {
     use super::super::axis::Axis;
     use super::*;
+
+    #[test]
+    fn no_line_strikes_through_a_label() {
+        assert_eq!(free_of(&[40.0], [3.0, 80.0]), 3.0);
+        assert_eq!(free_of(&[8.0], [3.0, 80.0]), 80.0);
+        assert_eq!(free_of(&[8.0, 85.0], [3.0, 80.0]), 3.0);
+    }
 
     #[test]
     fn every_shape_draws_inside_its_frame() {

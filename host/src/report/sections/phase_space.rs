@@ -47,6 +47,9 @@ fn facts(body: &mut Html, space: &PhaseSpace) {
     if let Some(d) = space.dimension {
         facts.push(("Embedding dimension", d.to_string()));
     }
+    if space.dies_away {
+        facts.push(("Largest Lyapunov exponent", "none: the motion dies away".to_owned()));
+    }
     if let Some(l) = &space.lyapunov {
         facts.push(("Largest Lyapunov exponent", format!("{} /s", plus_minus(l.per_second, Z95 * l.std_error))));
         if let (Some(v), Some(e)) = (l.per_period, l.per_period_std_error) {
@@ -105,9 +108,10 @@ fn delays(body: &mut Html, space: &PhaseSpace) {
             let dimension = |d: Option<usize>| Html::text(&d.map_or_else(|| "–".to_owned(), |d| d.to_string()));
             let minima: Vec<String> =
                 c.minima.iter().take(8).map(|m| format!("{} ({} %)", m.lag, fixed(100.0 * m.depth, 1))).collect();
+            let open = if c.weak { " (no minimum is clear)" } else { "" };
             vec![
                 Html::symbol(&c.name),
-                Html::text(&c.delay.to_string()),
+                Html::text(&format!("{}{open}", c.delay)),
                 dimension(c.dimension),
                 dimension(c.cao_dimension),
                 Html::text(&minima.join(", ")),

@@ -2,10 +2,7 @@
 
 use serde::Serialize;
 
-use super::parameters::ParameterTable;
-use crate::explain::Explanation;
 use crate::inspect::Inspection;
-use crate::phase_space::survey_warnings::WEAK_MINIMA;
 use crate::report::html::{Html, escape, marked};
 use crate::report::{Results, SectionKind};
 use crate::warning::Warning;
@@ -25,10 +22,7 @@ fn render(results: &Results) -> Option<Html> {
     let of_records =
         results.all::<Inspection>().flat_map(|i| i.warnings.iter().map(move |w| (Some(&i.record.file), w)));
     let others = results.all::<Warnings>().flat_map(|w| w.warnings.iter().map(|w| (None, w)));
-    // How a delay was chosen matters to what is told of it, not to parameters or effects.
-    let of_motion_alone =
-        results.all::<ParameterTable>().next().is_none() && results.all::<Explanation>().next().is_none();
-    let mut all: Vec<_> = of_records.chain(others).filter(|(_, w)| of_motion_alone || w.id != WEAK_MINIMA).collect();
+    let mut all: Vec<_> = of_records.chain(others).collect();
     all.sort_by_key(|(_, w)| !w.invalidates);
     let mut seen: Vec<&Warning> = Vec::new();
     let mut body = Html::new();

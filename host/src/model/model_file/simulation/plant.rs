@@ -18,7 +18,7 @@ use serde::Deserialize;
 use super::excitation::{Excitation, Signal};
 use crate::error::{BadInput, Result};
 use crate::model::model_file::ModelFile;
-use crate::rig::Rig;
+use crate::rig::{Rig, possible};
 use crate::wording::format::several;
 use crate::wording::toml_words;
 
@@ -113,6 +113,10 @@ impl Plant {
                 number(n)?.or(gravity).ok_or_else(|| bad(n, "nothing".to_owned(), format!("the coefficient {n}")))
             })
             .collect::<Result<Vec<f64>>>()?;
+        if let Some(mechanism) = &model.mechanism {
+            let values = names.iter().map(String::as_str).zip(given.iter().copied());
+            possible::check((&rig.path, &rig.text), "plant", mechanism, values)?;
+        }
         let (physical, coefficients) = coefficients(model, &names, &given);
         let n = model.coordinates.len();
         let initial = match table.get("initial") {
