@@ -83,7 +83,8 @@ fn follow(bar: &ProgressBar, what: &'static str) {
         while let Some(bar) = bar.upgrade().filter(|b| !b.is_finished()) {
             let (at, of) = (bar.position(), bar.length().unwrap_or(0));
             drop(bar);
-            let share = if of > 0 { format!("{} %", 10 * (10 * at.min(of) / of)) } else { String::new() };
+            let tenths = (10 * at.min(of)).checked_div(of);
+            let share = tenths.map_or_else(String::new, |tenths| format!("{} %", 10 * tenths));
             lines.write(what, &share, started.elapsed());
             std::thread::sleep(TICK);
         }

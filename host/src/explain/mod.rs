@@ -149,7 +149,7 @@ fn judged(records: &[Record], rig: &Rig, settings: &Settings, suspects: Vec<Warn
             Ok(found) => found,
         }
     } else {
-        steps::tell("fitting the model as it is, then with every effect of the list");
+        steps::tell("preparing the record");
         locking::explain(records, rig, settings)?
     };
     // What is missing bends quantities as well: where effects explain the record, or nothing would

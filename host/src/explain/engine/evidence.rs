@@ -18,6 +18,8 @@ use crate::error::{BadInput, Result};
 use crate::explain::decision;
 use crate::explain::ranking::{self, FOLDS, Fit, Weights};
 use crate::identify::jackknife::widening;
+use crate::steps;
+use crate::wording::names;
 
 /// Share of what is left above the sensors' noise that a candidate must take away in shooting: less
 /// is as good as nothing where a model misses more than noise (by hand).
@@ -259,11 +261,21 @@ pub fn refit(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate
     let settles = |c: &Candidate| c.is_refined() || (!setting.shooting && c.turned_by().is_some());
     let rounds = if state.chosen.iter().any(|k| settles(&k.candidate)) { 4 } else { 2 };
     state.relaxation = Relaxation::default();
+    tell_step(setting, state, candidates.len());
     if setting.shooting {
         by_shooting(setting, state, candidates, rounds)
     } else {
         by_rows(setting, state, candidates, rounds)
     }
+}
+
+/// Says what is fitted, for whoever waits.
+fn tell_step(setting: &Setting<'_>, state: &State, forms: usize) {
+    let found = state.chosen.iter().skip(state.nominal).map(|k| names::effect(&k.candidate.name(setting)));
+    let found: Vec<String> = found.collect();
+    let model = if found.is_empty() { "the model as it is".to_owned() } else { names::listed(&found) };
+    let tried = if forms > 0 { format!(", and beside it {forms} forms of effects") } else { String::new() };
+    steps::tell(format!("fitting {model}{tried}"));
 }
 
 fn by_rows(setting: &Setting<'_>, state: &mut State, candidates: Vec<Candidate>, rounds: usize) -> Result<Outcome> {

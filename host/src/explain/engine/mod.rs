@@ -95,6 +95,7 @@ use crate::identify::remeasured::Sensors;
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
+use crate::steps;
 
 /// An explanation, or the sensors' noise with which it is to be made again.
 enum Attempt {
@@ -170,6 +171,7 @@ fn attempt(
         return Ok(Attempt::Done(Some(Box::new(result))));
     }
     let given = settings.model.is_some().then(|| state.clone());
+    steps::tell("following the record with the model as it is");
     if !settled(&mut setting, &mut state) {
         result.reason = Reason::Undecidable(Undecidable::Unfollowed);
         return Ok(Attempt::Done(Some(Box::new(result))));
@@ -197,6 +199,7 @@ fn attempt(
     run.tell_twins(&outcome);
     let noise =
         (!last && outcome.evidence.is_shooting()).then(|| shooting::coloured(&run.setting, &run.told.state)).flatten();
+    steps::tell("measuring what is left");
     let result = run.finish(&outcome, &first, undecidable)?;
     Ok(match noise.filter(|_| matches!(result.reason, Reason::Excess { shape: None, .. })) {
         Some((sensors, of)) => Attempt::Coloured(sensors, of),
