@@ -70,10 +70,18 @@ fn a_zero_that_drifts_adds_up_over_the_record() {
     (settings.record_s, settings.settle_s) = (2.0, 0.5);
     let plain = simulate(&settings, 500);
     settings.effects = with(&["zero-drift@encoder2=0.3"]).effects;
-    for (k, (a, b)) in plain.iter().zip(simulate(&settings, 500)).enumerate() {
+    let drifting = simulate(&settings, 500);
+    for (k, (a, b)) in plain.iter().zip(&drifting).enumerate() {
         let share = k as f64 * 0.002 / 2.0;
         assert_eq!(a.angles[0], b.angles[0]);
         assert!((b.angles[1] - a.angles[1] - 0.3 * share).abs() < 1e-12, "{k}");
+    }
+    // Encoder 1 held back: the rig runs ahead of what is shown.
+    settings.effects = with(&["channel-delay@encoder2=-0.006"]).effects;
+    let late = simulate(&settings, 500);
+    settings.effects = with(&["channel-delay@encoder2=-0.006", "zero-drift@encoder1=0.3"]).effects;
+    for (k, (a, b)) in late.iter().zip(simulate(&settings, 500)).enumerate() {
+        assert!((b.angles[0] - a.angles[0] - 0.3 * (k as f64 * 0.002 / 2.0)).abs() < 1e-12, "{k}");
     }
 }
 

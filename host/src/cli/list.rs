@@ -166,9 +166,14 @@ fn own_text(id: &str, files: &[PathBuf]) -> Result<Option<String>> {
         let source = toml_place::read(file, "an effect file")?;
         let entries = crate::effects::read_more(&source, own.iter())?;
         if let Some(k) = entries.iter().position(|e| e.id == id) {
-            // Its table as it stands, the k-th of the file.
-            let part = source.text.split("[[effect]]").nth(k + 1).unwrap_or(&source.text);
-            found = Some(format!("[[effect]]\n{}\n", part.trim()));
+            // Its table as it stands, the k-th of the file, without what is said above the next.
+            let is_head = |line: &&str| line.replace(' ', "").starts_with("[[effect]]");
+            let lines: Vec<&str> = source.text.lines().collect();
+            let mut heads = (0..lines.len()).filter(|&i| is_head(&lines[i])).skip(k);
+            let begin = heads.next().unwrap_or(0);
+            let own = lines[begin..heads.next().unwrap_or(lines.len())].join("\n");
+            let told = own.trim_end_matches(|c: char| c.is_whitespace());
+            found = Some(format!("{told}\n"));
         }
         own.extend(entries);
     }

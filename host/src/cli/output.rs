@@ -165,7 +165,9 @@ fn is_standard_output(path: &Path) -> bool {
 pub fn command_line() -> String {
     let mut out: Vec<String> = Vec::new();
     let called = said::kept(|said| said.command_line.clone());
-    let mut words = called.unwrap_or_else(|| std::env::args().skip(1).collect()).into_iter();
+    let mut words = called
+        .unwrap_or_else(|| std::env::args_os().skip(1).map(|a| a.to_string_lossy().into_owned()).collect())
+        .into_iter();
     while let Some(word) = words.next() {
         match word.as_str() {
             "--threads" => drop(words.next()),

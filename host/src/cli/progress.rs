@@ -80,12 +80,15 @@ fn follow(bar: &ProgressBar, what: &'static str) {
     let mut lines = Lines::new();
     // Ends with the bar, or with the program.
     let _ = std::thread::Builder::new().name("progress".to_owned()).spawn(move || {
-        while let Some(bar) = bar.upgrade().filter(|b| !b.is_finished()) {
-            let (at, of) = (bar.position(), bar.length().unwrap_or(0));
+        while let Some(bar) = bar.upgrade() {
+            let (at, of, is_over) = (bar.position(), bar.length().unwrap_or(0), bar.is_finished());
             drop(bar);
             let tenths = (10 * at.min(of)).checked_div(of);
             let share = tenths.map_or_else(String::new, |tenths| format!("{} %", 10 * tenths));
-            lines.write(what, &share, started.elapsed());
+            // What was over may begin again.
+            if !is_over {
+                lines.write(what, &share, started.elapsed());
+            }
             std::thread::sleep(TICK);
         }
     });

@@ -146,7 +146,7 @@ fn help(error: &clap::Error) -> String {
     let mut behind: Vec<String> = behind.collect();
     if behind.is_empty() {
         // Of a wrong value the parser keeps no usage.
-        behind = command_of(std::env::args().skip(1));
+        behind = command_of(std::env::args_os().skip(1).map(|a| a.to_string_lossy().into_owned()));
     }
     let command: Vec<String> = std::iter::once("whirl".to_owned()).chain(behind).collect();
     format!("`{} --help` lists what it takes", command.join(" "))

@@ -3,7 +3,8 @@
 
 use super::columns::{Law, Part, parts_of};
 use super::entry::{Entry, Form};
-use crate::model::model_file::expression::{Function, Symbol};
+use super::places::size_of as size;
+use crate::model::model_file::expression::Symbol;
 use crate::model::model_file::parser::Mistake;
 use crate::system::bodies::Body;
 use crate::system::derivative::{by_time, partial};
@@ -54,11 +55,8 @@ pub fn parts(
     let Ok(velocity) = point.iter().map(|x| by_time(x, n, omega)).collect::<Result<Vec<_>, _>>() else {
         return Ok(None);
     };
-    // Squares that are not multiplied out stay above zero whatever rounding does.
-    let squares =
-        velocity.iter().filter(|v| !v.is_zero()).map(|v| Polynomial::product(vec![(Atom::Sum(v.clone()), 2)], 1.0));
-    let speed = Polynomial::call(Function::Sqrt, squares.fold(Polynomial::default(), |sum, s| sum.plus(&s)));
-    words.scalars.push(("v".to_owned(), speed));
+    words.filled = true;
+    words.scalars.push(("v".to_owned(), size(&velocity)));
     let Word::Scalar(law) = entry.law(&words, form)? else { return Ok(None) };
     let mut out = Vec::new();
     for (equation, (coordinate, _)) in mechanism.scales.iter().enumerate() {
@@ -102,9 +100,12 @@ mod tests {
             _ => 9.81,
         };
         let values: Vec<f64> = file.parameters.iter().map(|p| own(&p.name)).collect();
-        let entry = catalogue().iter().find(|e| e.id == "body-drag").unwrap();
+        let entry = |law: &str| Entry {
+            law: law.to_owned(),
+            ..catalogue().iter().find(|e| e.id == "body-drag").unwrap().clone()
+        };
         let span = Span { start_s: 0.0, length_s: 1.0 };
-        let left = |body: usize, [theta, v, omega]: [f64; 3]| {
+        let left = |entry: &Entry, body: usize, [theta, v, omega]: [f64; 3]| {
             let found = action(entry, &Vec::new(), Place::Body(body), &mechanism, &values, 0.0, span).unwrap();
             let Some(Action::Force(parts)) = found else { panic!("no force") };
             let mut out = [0.0; 2];
@@ -119,14 +120,17 @@ mod tests {
             }
             out
         };
-        for state in [[0.4, 1.3, -2.0], [-2.5, -0.2, 5.0], [1.0, 0.0, 0.0]] {
-            let [theta, v, omega] = state;
-            let [along, up] = [v + l * omega * theta.cos(), l * omega * theta.sin()];
-            let speed = along.hypot(up);
-            let wanted = [k * speed * along, k * speed * l * (along * theta.cos() + up * theta.sin())];
-            let trolley = [k * v.abs() * v, 0.0];
-            for (got, wanted) in [(left(1, state), wanted), (left(0, state), trolley)] {
-                assert!(got.iter().zip(wanted).all(|(g, w)| (g - w).abs() < 1e-12), "{state:?}: {got:?} {wanted:?}");
+        // The catalogue's, and one of a broken power of the speed.
+        for (law, power) in [("-k*v", 1.0), ("-k*v^0.5", 0.5)] {
+            for [theta, v, omega] in [[0.4, 1.3, -2.0], [-2.5, -0.2, 5.0], [1.0, 0.0, 0.0]] {
+                let [along, up] = [v + l * omega * theta.cos(), l * omega * theta.sin()];
+                let per = k * along.hypot(up).powf(power);
+                let wanted = [per * along, per * l * (along * theta.cos() + up * theta.sin())];
+                let trolley = [k * v.abs().powf(power) * v, 0.0];
+                for (body, wanted) in [(1, wanted), (0, trolley)] {
+                    let got = left(&entry(law), body, [theta, v, omega]);
+                    assert!(got.iter().zip(wanted).all(|(g, w)| (g - w).abs() < 1e-12), "{law}: {got:?} {wanted:?}");
+                }
             }
         }
     }

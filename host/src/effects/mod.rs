@@ -3,9 +3,9 @@
 //!
 //! An entry says how an effect acts, by one of six verbs: `force` does work at a joint, between two
 //! coordinates or at an arm, `drags` all along an arm or at a mass at a point, `moves` displaces the
-//! driven point or all that a frame carries, `advances` the drive's phase, `turns` a body's centroid or gravity, `reads` is what an encoder
-//! shows. Its strengths enter linearly; shape parameters (the order of cogging, the velocity of
-//! Stribeck's law) are tried on a grid. What an entry adds to the equations of a system derived
+//! driven point or all that a frame carries, `advances` the drive's phase, `turns` a body's
+//! centroid or gravity, `reads` is what an encoder shows. Its strengths enter linearly; shape
+//! parameters (the order of cogging, the velocity of Stribeck's law) are tried on a grid. What an entry adds to the equations of a system derived
 //! from bodies is in [`columns`]. `docs/effects.md` is the user's page.
 //!
 //! | file | what |

@@ -114,10 +114,15 @@ pub fn load(file: &SystemFile, joint: usize, omega: f64, mass: Option<f64>) -> O
     if !is_angle(file, &file.joints[joint].moves.value) {
         return None;
     }
-    let force = file.reaction(joint, omega, mass)?;
+    Some(size_of(&file.reaction(joint, omega, mass)?))
+}
+
+/// The size of a vector.
+pub fn size_of(vector: &[Polynomial]) -> Polynomial {
     // Squares that are not multiplied out stay above zero whatever rounding does.
-    let squares = force.into_iter().filter(|f| !f.is_zero()).map(|f| Polynomial::product(vec![(Atom::Sum(f), 2)], 1.0));
-    Some(Polynomial::call(Function::Sqrt, squares.fold(Polynomial::default(), |sum, s| sum.plus(&s))))
+    let square = |x: &Polynomial| Polynomial::product(vec![(Atom::Sum(x.clone()), 2)], 1.0);
+    let sum = vector.iter().filter(|x| !x.is_zero()).fold(Polynomial::default(), |sum, x| sum.plus(&square(x)));
+    Polynomial::call(Function::Sqrt, sum)
 }
 
 /// Whether a joint's load may be known: of written equations the joint that arms hang on, whose

@@ -157,18 +157,22 @@ fn error(x: f64) -> String {
 /// A text as LaTeX sets it.
 fn text(plain: &str) -> String {
     let mut out = String::new();
+    // A minus and its digits are one exponent.
+    let mut is_raised = false;
     for c in harmless(plain).chars() {
+        if let Some(raised) = raised(c) {
+            out.push_str(if is_raised { "" } else { "\\textsuperscript{" });
+            out.push(raised);
+            is_raised = true;
+            continue;
+        }
+        out.push_str(if is_raised { "}" } else { "" });
+        is_raised = false;
         match c {
             '\\' => out.push_str("\\textbackslash{}"),
             '^' => out.push_str("\\textasciicircum{}"),
             '~' => out.push_str("\\textasciitilde{}"),
             '&' | '%' | '$' | '#' | '_' | '{' | '}' => out.extend(['\\', c]),
-            '²' => out.push_str("\\textsuperscript{2}"),
-            '³' => out.push_str("\\textsuperscript{3}"),
-            '⁴' => out.push_str("\\textsuperscript{4}"),
-            '⁵' => out.push_str("\\textsuperscript{5}"),
-            '⁻' => out.push_str("\\textsuperscript{-}"),
-            '¹' => out.push_str("\\textsuperscript{1}"),
             '−' => out.push('-'),
             '·' => out.push_str("\\(\\cdot\\)"),
             '…' => out.push_str("\\ldots{}"),
@@ -179,8 +183,21 @@ fn text(plain: &str) -> String {
             },
         }
     }
-    // A minus and its digit are one exponent.
-    out.replace("\\textsuperscript{-}\\textsuperscript{", "\\textsuperscript{-")
+    out.push_str(if is_raised { "}" } else { "" });
+    out
+}
+
+/// What a raised letter is.
+fn raised(c: char) -> Option<char> {
+    Some(match c {
+        '¹' => '1',
+        '²' => '2',
+        '³' => '3',
+        '⁴' => '4',
+        '⁵' => '5',
+        '⁻' => '-',
+        _ => return None,
+    })
 }
 
 /// The command of a Greek letter.

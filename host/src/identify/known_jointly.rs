@@ -69,7 +69,7 @@ pub(super) fn contradicted(
     let disagree = if names.len() == 1 { "disagrees with the record" } else { "disagree with the record together" };
     let text = format!("[known] {} {disagree}{agree}", listed(&names));
     let scales = gains.iter().map(|s| (format!("input-gain@{}", s.input), (s.factor - 1.0).into()));
-    let found = found.iter().map(|p| (p.name.clone(), p.value.into()));
+    let found = found.iter().filter(|_| can_be).map(|p| (p.name.clone(), p.value.into()));
     let would_agree: serde_json::Map<String, serde_json::Value> = found.chain(scales).collect();
     let advice = "Measure them again, check their units (metres, kilograms) and the scale of each measured input, and correct the rig file";
     Some(Warning::new(CONTRADICTED, text, advice).invalidating().with("would_agree", would_agree))

@@ -230,7 +230,8 @@ pub(super) fn contradicted(mechanism: &Mechanism, c: &Coefficients<'_>, rig: &Ri
         format!("{} = {} instead of {}", d.name, quantity(d.found, &d.unit, 4), quantity(d.known, &d.unit, 4))
     };
     let names: Vec<&str> = all.iter().map(|d| d.name).collect();
-    let mut alternatives: Vec<String> = all.iter().filter(|d| can_be(d.found, d.known, &d.unit)).map(told).collect();
+    let can: Vec<_> = all.iter().filter(|d| can_be(d.found, d.known, &d.unit)).collect();
+    let mut alternatives: Vec<String> = can.iter().copied().map(told).collect();
     if let Some(factor) = clock {
         alternatives.push(time_base(factor, rig.drive.is_some()));
     }
@@ -257,7 +258,7 @@ pub(super) fn contradicted(mechanism: &Mechanism, c: &Coefficients<'_>, rig: &Ri
     let of_lengths = lengths.iter().flat_map(|(sensors, g)| sensors.iter().map(move |k| (k + 1, g - 1.0)));
     let scales = scales.chain(of_lengths.map(|(k, error)| (format!("scale-error@encoder{k}"), error.into())));
     let values: serde_json::Map<String, serde_json::Value> =
-        all.iter().map(|d| (d.name.to_owned(), d.found.into())).chain(clock).chain(scales).collect();
+        can.iter().map(|d| (d.name.to_owned(), d.found.into())).chain(clock).chain(scales).collect();
     let advice = "Measure them again, check their units (metres, kilograms), and correct the rig file";
     Some(Warning::new(CONTRADICTED, text, advice).invalidating().with("would_agree", values))
 }

@@ -154,7 +154,8 @@ fn a_sensors_voltage_is_mapped_to_an_angle_with_a_gain_to_check() {
         "{c:?}"
     );
     assert_eq!(d.rig().unwrap().channel[0].gain, Some(36.0));
-    // What is no sensor's voltage must be what it is mapped to, and the message says what else there is.
+    // What is no sensor's voltage must be what it is mapped to, and the message says what else
+    // there is.
     let e = with("theta1=y_mm", "single-pendulum").unwrap_err().to_string();
     assert!(
         e.contains("found y_mm, a displacement, expected a column for theta1, an angle") && e.contains("gain what one"),

@@ -99,8 +99,7 @@ impl PhaseSpace {
     }
 }
 
-/// Share of the motion in its first third below which that in the last is of a free one that dies
-/// away, where it was less in each third than in the one before (by hand).
+/// Share of a record's first third below which the motion in its last dies away (by hand).
 const DIED: f64 = 0.8;
 
 /// A piece of a record that is used: samples from … to − 1 of a segment.
@@ -246,9 +245,8 @@ impl Survey<'_> {
         let third = |k: usize| -> f64 {
             let of = |c: &MovingCoordinate<'_>| {
                 let whole: f64 = c.pieces.iter().map(|p| path(p)).sum();
-                let n = c.pieces.iter().map(Vec::len).sum::<usize>();
                 let part: f64 = match &c.pieces[..] {
-                    [one] => path(&one[k * n / 3..(k + 1) * n / 3]),
+                    [one] => path(&one[k * one.len() / 3..(k + 1) * one.len() / 3]),
                     all => all[k * all.len() / 3..(k + 1) * all.len() / 3].iter().map(|p| path(p)).sum(),
                 };
                 if whole > 0.0 { part / whole } else { 0.0 }

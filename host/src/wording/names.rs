@@ -102,9 +102,9 @@ pub fn capitalised(text: &str) -> String {
 
 /// Words with which whirl's own sentences begin. Whatever else a sentence begins with may be a name
 /// of a file, and stays.
-const OPENINGS: [&str; 24] = [
-    "A", "All", "An", "At", "Between", "Both", "Each", "From", "In", "It", "Its", "No", "Nothing", "Of", "One", "Over",
-    "Some", "The", "These", "This", "Under", "What", "Where", "With",
+const OPENINGS: [&str; 20] = [
+    "All", "An", "Between", "Both", "Each", "From", "It", "Its", "No", "Nothing", "Of", "Over", "Some", "The", "These",
+    "This", "Under", "What", "Where", "With",
 ];
 
 /// A sentence as part of another: an opening word begins with a small letter; a symbol, and a name

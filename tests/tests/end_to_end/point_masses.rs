@@ -1,4 +1,4 @@
-//! A crane whose load is a mass at a point: what a frame's tilt does to it.
+//! A crane whose load is a mass at a point: what a frame's tilt, and the air, do to it.
 
 use super::program::{done, json};
 
@@ -60,18 +60,34 @@ noise = { x = 2e-4 }
 input.force = [{ kind = "random", rms = 6.0, to_hz = 1.5 }]
 "#;
 
-/// It acts on rail and rope alike: one name, not a constant force and a spring.
-#[test]
-fn a_tilted_frame_is_one_effect() {
+/// The one effect that is found of one that is put in, and its value and standard error.
+fn found(effect: &str) -> (String, f64, f64) {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
     std::fs::write(at.join("crane.toml"), CRANE).unwrap();
     std::fs::write(at.join("rig.toml"), RIG).unwrap();
-    done(at, "simulate --rig rig.toml --effect frame-tilt@frame=0.005 --seconds 60 -o r.parquet");
+    done(at, &format!("simulate --rig rig.toml --effect {effect} --seconds 60 -o r.parquet"));
     done(at, "explain r.parquet --rig rig.toml --json e.json");
     let e = json(&at.join("e.json"));
     let effects = e["effects"].as_array().unwrap();
-    assert!(effects.len() == 1 && effects[0]["id"] == "frame-tilt" && e["verdict"] == "explained", "{effects:?}");
+    assert!(effects.len() == 1 && e["verdict"] == "explained", "{effects:?}");
     let of = |key: &str| effects[0][key].as_f64().unwrap();
-    assert!((of("value") - 0.005).abs() < 4.0 * of("std_error") && of("std_error") < 1e-4, "{effects:?}");
+    let name = format!("{}@{}", effects[0]["id"].as_str().unwrap(), effects[0]["at"].as_str().unwrap());
+    (name, of("value"), of("std_error"))
+}
+
+/// It acts on rail and rope alike: one name, not a constant force and a spring.
+#[test]
+fn a_tilted_frame_is_one_effect() {
+    let (name, value, error) = found("frame-tilt@frame=0.005");
+    assert_eq!(name, "frame-tilt@frame");
+    assert!((value - 0.005).abs() < 4.0 * error && error < 1e-4, "{value} {error}");
+}
+
+/// The air that the load moves through brakes the trolley as well: one name, not a law in each joint.
+#[test]
+fn drag_on_a_load_is_one_effect() {
+    let (name, value, error) = found("body-drag@load=0.08");
+    assert_eq!(name, "body-drag@load");
+    assert!((value - 0.08).abs() < 4.0 * error && error < 1e-4, "{value} {error}");
 }

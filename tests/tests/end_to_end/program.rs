@@ -26,9 +26,15 @@ impl From<Output> for Run {
         Self {
             status: output.status.code().expect("no signal ended the program"),
             stdout: String::from_utf8(output.stdout).expect("UTF-8"),
-            stderr: String::from_utf8(output.stderr).expect("UTF-8"),
+            stderr: without_progress(&String::from_utf8(output.stderr).expect("UTF-8")),
         }
     }
+}
+
+/// What is told but for how far long work has come, which depends on the machine.
+fn without_progress(stderr: &str) -> String {
+    let seconds = |line: &str| Some(line.strip_suffix(" s)")?.rsplit_once('(')?.1.parse::<u64>().is_ok());
+    stderr.split_inclusive('\n').filter(|line| !seconds(line.trim_end()).unwrap_or(false)).collect()
 }
 
 /// Runs the program in a folder; arguments are split at blanks.

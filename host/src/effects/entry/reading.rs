@@ -29,8 +29,6 @@ const PLACES: [(&str, At, &[&str]); 8] = [
 ];
 /// Their names, for people.
 const KINDS: &str = "joint, between, arm, body, drive, frame, encoder or input";
-/// Words of what acts all along an arm.
-const ALONG_AN_ARM: &[&str] = &["v", "s"];
 /// Verbs by key, and the places that have them.
 const VERBS: [(&str, Verb, &[At]); 6] = [
     ("force", Verb::Force, &[At::Joint, At::Between, At::Arm]),
@@ -128,7 +126,7 @@ fn one(r: &Reader<'_>, t: &DeTable<'_>, at: usize, before: &[Entry]) -> Result<E
     };
     let (verb, law, law_value) = law(r, t, at, *place_at)?;
     let vocabulary = match (verb, place_at) {
-        (Verb::Drags, At::Arm) => ALONG_AN_ARM,
+        (Verb::Drags, At::Arm) => &["v", "s"],
         (Verb::Moves, At::Frame) => on_a_frame::WORDS,
         _ => vocabulary,
     };

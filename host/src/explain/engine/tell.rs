@@ -93,7 +93,7 @@ fn body(setting: &Setting<'_>, physical: &Physical, c: &Candidate) -> (f64, Stri
     match places::equation(c.place, mechanism) {
         Some((equation, moves)) if physical.open.get(equation).copied().unwrap_or(true) => {
             let mass = if is_angle(file, &moves) { "kg m²" } else { "kg" };
-            let told = format!("{unit} per {mass} of {}", inertia_name(setting, equation));
+            let told = format!("{unit} per {mass} of {}", inertia_name(setting, equation)).trim_start().to_owned();
             (1.0 / at(&mechanism.scales[equation].1, &physical.values), told)
         }
         _ => (1.0, unit),

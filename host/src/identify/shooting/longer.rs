@@ -117,8 +117,8 @@ pub struct Expected {
 }
 
 /// Standard errors by which the model leaves more over long pieces than over short ones, of `states`
-/// each, and than `expected`: with the noise alone a state that is not fitted leaves one square of it, with a variance of
-/// two, and so does a value that the other did not have.
+/// each, and than `expected`: with the noise alone a state that is not fitted leaves one square of
+/// it, with a variance of two, and so does a value that the other did not have.
 pub fn excess(short: &Outcome, long: &Outcome, states: usize, expected: Expected) -> f64 {
     let of = |o: &Outcome| {
         let square = o.noise_ratio.iter().map(|r| r * r).sum::<f64>() / o.noise_ratio.len().max(1) as f64;

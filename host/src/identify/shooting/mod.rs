@@ -190,6 +190,7 @@ pub fn simulated(
         length: ((4.0 * period_s / track.spacing_s).round() as usize).max(FEWEST_SAMPLES),
         margin: prepared.geometry.kernels.full.reach(),
     };
+    progress.reset();
     progress.set_length(EXPECTED_ROUNDS);
     let found = longer(&problem, &track, &from, &mut || progress.inc(1));
     progress.finish_and_clear();

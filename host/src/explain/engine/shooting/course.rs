@@ -268,7 +268,9 @@ impl<'a> Course<'a> {
         let measured = self.measured(path, w, states, list);
         let block = w.count / blocks;
         let is_cut = block / SHORT >= FEWEST_SAMPLES;
-        let cut = Cut { blocks, segment: if is_cut { block / SHORT } else { w.count } };
+        // Segments of a block that is not cut are for its digits alone.
+        let segment = if is_cut { block / SHORT } else { (block / SHORT).max(FEWEST_SAMPLES) };
+        let cut = Cut { blocks, segment };
         let mut registers = Registers::default();
         let mut alpha = Vec::new();
         let (normal, all) = if moves {

@@ -17,28 +17,28 @@ const FINER: usize = 4;
 const LEAST_KEPT: f64 = 0.5;
 
 /// Whether the effect that was put into the model last takes off with finer steps what it does with
-/// the setting's; so too where either cannot be integrated.
+/// the setting's; so too where either cannot be integrated, where it takes off nothing in these
+/// windows, and where it is found as an increment of what sensors or inputs show.
 pub fn outlasts_finer_steps(setting: &Setting<'_>, state: &State) -> bool {
-    let points = setting.points;
-    let gains = gain(setting, state, points).zip(gain(setting, state, FINER * points));
-    gains.is_none_or(|(coarse, fine)| fine >= LEAST_KEPT * coarse)
+    if state.chosen.last().is_none_or(|k| k.candidate.is_applied()) {
+        return true;
+    }
+    let gains = gain(setting, state, setting.points).zip(gain(setting, state, FINER * setting.points));
+    gains.is_none_or(|(coarse, fine)| coarse <= 0.0 || fine >= LEAST_KEPT * coarse)
 }
 
-/// By how much the last effect lessens the sum of squares over all windows, in squares of the noise;
-/// the other columns are fitted with it and without.
+/// The logarithm of what is left of windows that were not fitted without the last effect over what is
+/// left with it; the other columns are fitted both times.
 fn gain(setting: &Setting<'_>, state: &State, points: usize) -> Option<f64> {
     let (followed, x) = (state.followed.as_ref()?, present(state));
     let windows = followed.kept(setting)?;
-    let columns = x.len();
-    let others = columns.checked_sub(state.chosen.last()?.strengths.len())?;
+    let all: Vec<usize> = (0..x.len()).collect();
+    let others = x.len().checked_sub(state.chosen.last()?.strengths.len())?;
     let course = Course::new(setting, state).with_points(points);
     let linear = course.linear(&followed.paths, &windows, &x)?;
     let list = List { x, further: &[], behind: &[], together: false };
-    let blocks = course.reduced(&followed.paths, &windows, &linear, &list, signs_of(setting, state, &[], 0))?;
-    let without = blocks.without(others..columns);
-    let squares = |b: &super::blocks::Blocks, count: usize| -> Option<f64> {
-        let own: Vec<usize> = (0..count).collect();
-        Some(b.squares_left(&b.fit(&own)?.all).iter().map(|s| s.0).sum())
-    };
-    Some(squares(&without, others)? - squares(&blocks, columns)?)
+    let mut blocks = course.reduced(&followed.paths, &windows, &linear, &list, signs_of(setting, state, &[], 0))?;
+    blocks.weigh(&blocks.misfits(&blocks.fit(&all)?.all));
+    let without = blocks.without(others..all.len()).held_out(&all[..others])?;
+    Some((without / blocks.held_out(&all)?).ln())
 }
