@@ -64,12 +64,12 @@ fn sentence(result: &Identification) -> String {
     known.sort_by(f64::total_cmp);
     // Of few there is no half.
     let (whole, at) =
-        if known.len() <= FEW { ("all", known.len().saturating_sub(1)) } else { ("half", known.len() / 2) };
+        if names.len() <= FEW { ("all", known.len().saturating_sub(1)) } else { ("half", known.len() / 2) };
     let precision = known.get(at).map_or_else(String::new, |bound| {
         let percent = significant(100.0 * bound, 2);
         if *bound < 1.0 {
             format!(", {whole} of its parameters to ± {percent} % or better")
-        } else if known.len() <= FEW {
+        } else if names.len() <= FEW {
             format!(", one of its parameters to no better than ± {percent} %")
         } else {
             format!(", half of its parameters to no better than ± {percent} %")

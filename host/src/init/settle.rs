@@ -43,7 +43,7 @@ const FITS: f64 = 1.4;
 /// leave half of that.
 const FREE: f64 = 0.7;
 /// Counts a turn of common encoders: others are told only where the equations of motion fit.
-const COMMON: core::ops::RangeInclusive<u32> = 400..=40_000;
+const COMMON: core::ops::RangeInclusive<u32> = 400..=131_072;
 /// Other frequencies that are named beside a guess.
 const NAMED: usize = 3;
 
@@ -296,10 +296,16 @@ fn tell_all_counts(draft: &mut Draft, open: &Open, by: f64, fits: bool, settings
     for k in &open.counts {
         let c = &mut draft.channels[*k];
         // Numbers at the ends of those that are tried fit what has another system's equations.
-        if !fits && c.counts_per_turn.is_some_and(|n| !COMMON.contains(&n)) {
-            meant::common_counts(c);
-        } else {
-            tell_counts(c, by);
+        let is_common = c.counts_per_turn.is_some_and(|n| COMMON.contains(&n));
+        match (is_common, fits) {
+            (false, false) => meant::common_counts(c),
+            (false, true) => {
+                let text = format!("{} counts a turn", c.counts_per_turn.unwrap_or_default());
+                let why = "the equations of motion fit with them, but few encoders have so many or so few, and another system may be meant: see the encoder's data sheet";
+                c.why.retain(|w| !w.check);
+                c.why.push(Statement::new(&c.name, text, why).unsure());
+            }
+            (true, _) => tell_counts(c, by),
         }
     }
     if !fits && settings.system.is_none() && !open.counts.is_empty() {
