@@ -178,7 +178,7 @@ mod tests {
             ("force = \"-F*v\"\nstates = { v = \"v\" }", 7, "second time"),
             ("force = \"-F*z\"\nstates = { z = 3 }", 7, "law of its rate"),
             ("force = \"-F*y\"\nstates = { z = \"v - z/d\" }", 6, "y"),
-            ("force = \"-F*z''\"\nstates = { z = \"v - z/d\" }", 6, "derivative"),
+            ("force = \"-F*z''\"\nstates = { z = \"v - z/d\" }", 6, "no accelerations"),
             ("states = \"z\"\nforce = \"-F*v\"", 6, "states"),
         ] {
             let error = of(rest).unwrap_err().to_string();

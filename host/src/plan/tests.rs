@@ -123,7 +123,7 @@ fn one_draw_is_told_without_a_bound() {
     assert!(!human.contains("97.5 %") && human.contains("not certain: it rests on one draw"), "{human}");
     assert!(human.contains("by one draw\n"), "{human}");
     assert!(
-        line.contains("a record as long would tell it from nothing missing at 9.0 standard errors (one draw)"),
+        line.contains("a record as long would tell it from backlash@joint1 at 9.0 standard errors (one draw)"),
         "{line}"
     );
     assert!(human.contains("in one draw"), "{human}");
