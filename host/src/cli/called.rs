@@ -13,14 +13,14 @@ use crate::said;
 const OF_PRINTING: [&str; 5] = ["help", "version", "quiet", "threads", "json"];
 
 /// As a program that calls sees it.
-fn usage(error: &clap::Error) -> Error {
-    Error::Usage(super::usage::told(error).to_string())
+fn usage(error: &clap::Error, words: &[OsString]) -> Error {
+    Error::Usage(super::usage::told(error, &as_text(words)).to_string())
 }
 
 fn parse(words: &[OsString]) -> Result<Command> {
     let line = std::iter::once(OsString::from("whirl")).chain(words.iter().cloned());
-    let matches = super::command().try_get_matches_from(line).map_err(|e| usage(&e))?;
-    let cli = Cli::from_arg_matches(&matches).map_err(|e| usage(&e))?;
+    let matches = super::command().try_get_matches_from(line).map_err(|e| usage(&e, words))?;
+    let cli = Cli::from_arg_matches(&matches).map_err(|e| usage(&e, words))?;
     if cli.threads > 0 {
         return Err(Error::Usage("--threads is for the program: RAYON_NUM_THREADS says it here".to_owned()));
     }

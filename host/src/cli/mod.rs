@@ -319,7 +319,8 @@ pub fn main() -> ExitCode {
         Ok(parsed) => parsed,
         Err(e) if usage::is_asked(&e) => e.exit(),
         Err(e) => {
-            tell(usage::told(&e));
+            let words: Vec<String> = std::env::args_os().skip(1).map(|a| a.to_string_lossy().into_owned()).collect();
+            tell(usage::told(&e, &words));
             return ExitCode::from(2);
         }
     };

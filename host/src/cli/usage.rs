@@ -35,8 +35,8 @@ pub fn is_asked(error: &clap::Error) -> bool {
     !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand
 }
 
-/// What is wrong with a command line.
-pub fn told(error: &clap::Error) -> BadInput {
+/// What is wrong with a command line, of words without the program's name.
+pub fn told(error: &clap::Error, words: &[String]) -> BadInput {
     let one = |kind| match error.get(kind) {
         Some(ContextValue::String(text)) => Some(text.clone()),
         Some(ContextValue::Strings(list)) => list.first().cloned(),
@@ -46,7 +46,7 @@ pub fn told(error: &clap::Error) -> BadInput {
     let option = one(ContextKind::InvalidArg).unwrap_or_default();
     let option = option.split(" <").next().unwrap_or_default().to_owned();
     let value = one(ContextKind::InvalidValue);
-    let help = help(error);
+    let help = help(error, words);
     match error.kind() {
         ErrorKind::MissingRequiredArgument => missing(&list(error, ContextKind::InvalidArg), &help),
         ErrorKind::ValueValidation => {
@@ -135,7 +135,7 @@ fn first_words(error: &clap::Error) -> String {
 }
 
 /// Where the options are told.
-fn help(error: &clap::Error) -> String {
+fn help(error: &clap::Error, called: &[String]) -> String {
     let usage = match error.get(ContextKind::Usage) {
         Some(ContextValue::StyledStr(text)) => text.to_string(),
         _ => String::new(),
@@ -146,20 +146,20 @@ fn help(error: &clap::Error) -> String {
     let mut behind: Vec<String> = behind.collect();
     if behind.is_empty() {
         // Of a wrong value the parser keeps no usage.
-        behind = command_of(std::env::args_os().skip(1).map(|a| a.to_string_lossy().into_owned()));
+        behind = command_of(called);
     }
     let command: Vec<String> = std::iter::once("whirl".to_owned()).chain(behind).collect();
     format!("`{} --help` lists what it takes", command.join(" "))
 }
 
 /// The command that words of a command line begin with, and the one within it.
-fn command_of(words: impl Iterator<Item = String>) -> Vec<String> {
+fn command_of(words: &[String]) -> Vec<String> {
     let mut here = crate::cli::command();
     let mut out = Vec::new();
-    for word in words.filter(|w| !w.starts_with('-')) {
-        let Some(inner) = here.find_subcommand(&word).cloned() else { break };
+    for word in words.iter().filter(|w| !w.starts_with('-')) {
+        let Some(inner) = here.find_subcommand(word).cloned() else { break };
         here = inner;
-        out.push(word);
+        out.push(word.clone());
     }
     out
 }
@@ -193,7 +193,8 @@ mod tests {
         ] {
             let words = std::iter::once("whirl").chain(line.split_whitespace());
             let error = crate::cli::command().try_get_matches_from(words).unwrap_err();
-            let told = super::told(&error).to_string();
+            let words: Vec<String> = line.split_whitespace().map(str::to_owned).collect();
+            let told = super::told(&error, &words).to_string();
             assert!(parts.iter().all(|p| told.contains(p)) && !told.contains("invalid"), "{line}: {told}");
         }
     }
@@ -205,7 +206,8 @@ mod tests {
             ("device set a", "device set"),
             ("foo", ""),
         ] {
-            assert_eq!(super::command_of(line.split_whitespace().map(str::to_owned)).join(" "), command, "{line}");
+            let words: Vec<String> = line.split_whitespace().map(str::to_owned).collect();
+            assert_eq!(super::command_of(&words).join(" "), command, "{line}");
         }
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::engine::changed::Changed;
-use super::explanation::{Found, Limit};
+use super::explanation::{Found, Limit, Refused};
 use super::gap::{AtHorizon, Miss};
 use super::locking::LOCKS_LATER;
 use super::reason::{Criterion, Reason, seconds_of};
@@ -299,15 +299,19 @@ fn undecided(e: &Explanation) -> Vec<String> {
     out.extend(smaller(e));
     if e.verdict == Verdict::Unexplained {
         for w in e.r#where.iter().take(MOST_PLACES) {
-            out.push(format!(
-                "What is left sits in equation {} at {}: {}, where noise would be within ± {}.",
-                w.equation,
-                w.stretch(),
-                w.residual(w.value),
-                w.residual(w.band)
-            ));
+            // Where few values are the noise's share of them is not known.
+            let noise = if w.band > 0.0 {
+                format!(", where noise would be within ± {}", w.residual(w.band))
+            } else {
+                String::new()
+            };
+            let (at, value) = (w.stretch(), w.residual(w.value));
+            out.push(format!("What is left sits in equation {} at {at}: {value}{noise}.", w.equation));
         }
-        for r in e.refused.iter().take(MOST_REFUSED) {
+        // What was tried and did not hold before what chance may have made.
+        let mut refused: Vec<&Refused> = e.refused.iter().collect();
+        refused.sort_by_key(|r| r.is_by_chance());
+        for r in refused.into_iter().take(MOST_REFUSED) {
             let name = names::effect(&r.name());
             out.push(format!("Close, but not taken: {name} ({}).", r.why));
         }

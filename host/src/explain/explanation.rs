@@ -140,6 +140,9 @@ pub struct Ranked {
     pub step: usize,
 }
 
+/// How it is told that chance may have made what a candidate takes off.
+pub(super) const BY_CHANCE: &str = "by chance with probability";
+
 /// A candidate that was close and is not in the model.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Refused {
@@ -156,6 +159,11 @@ impl Refused {
     pub(super) fn new(name: &str, why: String) -> Self {
         let (id, at) = name.split_once('@').unwrap_or((name, ""));
         Self { id: id.to_owned(), at: at.to_owned(), why }
+    }
+
+    /// Whether chance may have made what it takes off.
+    pub(super) fn is_by_chance(&self) -> bool {
+        self.why.starts_with(BY_CHANCE)
     }
 
     /// `ID@PLACE`; the effect alone where it has no place.
