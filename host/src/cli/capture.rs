@@ -197,7 +197,7 @@ pub fn human(outcome: &CaptureOutcome) -> String {
     }
     if let Some(rows) = &outcome.rows {
         text.push_str(&format!(
-            "regression rows of {} in {}, {} lost: for `whirl identify`; what stands behind the last whole window is in none\n",
+            "regression rows of {} in {}, {} lost: for `whirl identify`; what was recorded after the last whole window is not in them\n",
             plural(rows.windows, "window"),
             if rows.runs == 1 { "1 stretch".to_owned() } else { format!("{} stretches", count(rows.runs)) },
             plural(rows.windows_lost, "window")

@@ -198,7 +198,7 @@ mod tests {
     }
 
     #[test]
-    fn what_work_tells_reaches_the_line_and_its_result_the_caller() {
+    fn work_that_is_followed_in_lines_gives_its_result() {
         let done = in_lines("working".into(), Lines::new(), || {
             steps::tell("first");
             7

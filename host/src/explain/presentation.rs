@@ -66,8 +66,11 @@ fn rests_on(e: &Explanation) -> String {
     }
     if let Some(piece_s) = e.details.simulated_s {
         let [piece, window] = [piece_s, e.details.window_s].map(|s| shortest(rounded(s, 3)));
-        let than =
-            if piece == window { "the weak form over them".to_owned() } else { format!("windows of {window} s") };
+        let than = if piece == window {
+            "the search's windows, which are as long".to_owned()
+        } else {
+            format!("windows of {window} s")
+        };
         let _ = writeln!(
             out,
             "parameters are those by which simulations follow pieces of {piece} s: they tell more than {than}, and foretell as well"
@@ -154,7 +157,7 @@ mod tests {
         e.details.simulated_s = Some(38.6);
         e.details.window_s = 38.6;
         assert!(
-            rests_on(&e).contains("pieces of 38.6 s: they tell more than the weak form over them"),
+            rests_on(&e).contains("pieces of 38.6 s: they tell more than the search's windows, which are as long"),
             "{}",
             rests_on(&e)
         );

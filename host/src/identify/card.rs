@@ -62,14 +62,15 @@ fn sentence(result: &Identification) -> String {
     let relative = |i: usize| Z95 * result.parameters[i].std_error / size(&names, &values, i);
     let mut known: Vec<f64> = (0..names.len()).map(relative).filter(|r| r.is_finite() && *r > 0.0).collect();
     known.sort_by(f64::total_cmp);
-    // Of few there is no half.
-    let (whole, at) =
-        if names.len() <= FEW { ("all", known.len().saturating_sub(1)) } else { ("half", known.len() / 2) };
+    // Of few there is no half, and all are told where each is determined.
+    let is_open = result.parameters.iter().any(|p| p.std_error.is_infinite());
+    let are_few = names.len() <= FEW && !is_open;
+    let (whole, at) = if are_few { ("all", known.len().saturating_sub(1)) } else { ("half", known.len() / 2) };
     let precision = known.get(at).map_or_else(String::new, |bound| {
         let percent = significant(100.0 * bound, 2);
         if *bound < 1.0 {
             format!(", {whole} of its parameters to ± {percent} % or better")
-        } else if names.len() <= FEW {
+        } else if are_few {
             format!(", one of its parameters to no better than ± {percent} %")
         } else {
             format!(", half of its parameters to no better than ± {percent} %")
@@ -207,6 +208,9 @@ mod tests {
         result.parameters.retain(|p| p.name.starts_with("B1") || p.name == "B22");
         let said = card(&result, &rig()).verdict;
         assert!(said.contains("all of its parameters to ± 0.035 % or better"), "{said}");
+        result.parameters[0].std_error = f64::INFINITY;
+        let said = card(&result, &rig()).verdict;
+        assert!(!said.contains("all of its parameters"), "{said}");
     }
 
     /// What leaves nothing but noise once it is mended comes before what may follow from it.

@@ -190,7 +190,6 @@ pub fn simulated(
         length: ((4.0 * period_s / track.spacing_s).round() as usize).max(FEWEST_SAMPLES),
         margin: prepared.geometry.kernels.full.reach(),
     };
-    progress.reset();
     progress.set_length(EXPECTED_ROUNDS);
     let found = longer(&problem, &track, &from, &mut || progress.inc(1));
     progress.finish_and_clear();
@@ -330,6 +329,7 @@ fn shoot_pieces(
     }
     let moments: Vec<Moment> = pieces.iter().zip(&guesses).map(|(p, g)| track.moment(p, g)).collect();
     let unknown = if offsets { Unknown::default() } else { zeros::unknown(motion, &start, &moments, bound, prepared) };
+    progress.reset();
     progress.set_length(EXPECTED_ROUNDS);
     let mut tick = || {
         if progress.position() + 1 < EXPECTED_ROUNDS {

@@ -29,8 +29,8 @@ fn left<D: Dynamics + ?Sized>(own: &Problem<'_, D>, disturbed: &Problem<'_, D>, 
     Some(sum / freedom.max(1.0))
 }
 
-/// How much more of the inputs' noise long pieces leave than short ones, and its standard deviation;
-/// nothing where no noise of theirs is known.
+/// How much more of the inputs' noise long pieces leave than short ones; nothing where no noise of
+/// theirs is known, and none where the equations have no solution with it.
 pub fn more<D: Dynamics + ?Sized>(
     given: &Given<'_>,
     problem: &Problem<'_, D>,

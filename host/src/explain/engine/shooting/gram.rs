@@ -293,7 +293,7 @@ impl Gram {
 
     /// The square of a column.
     pub fn square(&self, column: usize) -> f64 {
-        self.at(column, column)
+        self.0.square(column)
     }
 
     /// The matrix of some columns and the target.

@@ -34,7 +34,7 @@ pub struct Normal {
     pinned: usize,
 }
 
-/// Samples between which nothing grows much.
+/// Samples one after the other, so few of a window that little grows between them.
 pub struct Segment {
     /// By the state with which they begin.
     pub normal: Normal,
