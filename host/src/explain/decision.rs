@@ -5,7 +5,7 @@
 mod detection;
 mod evidence;
 mod pairs;
-mod told;
+mod refused;
 
 use std::collections::BTreeMap;
 
@@ -82,8 +82,6 @@ pub(super) struct Choice {
     pub(super) runner_up: Option<(String, f64)>,
 }
 
-/// Most candidates of which it is told why they were not taken.
-const MOST_REFUSED: usize = 8;
 /// Probability by chance below which a candidate was close.
 const NEAR: f64 = 0.01;
 /// Share of what is left above the noise that a form which was moved to it may leave when it was
@@ -97,6 +95,15 @@ struct Score {
     deviations: f64,
     p: f64,
     fit: Fit,
+}
+
+impl Score {
+    /// Of the offer of this number, whose `d` strengths stand last in a fit, beside that without it.
+    fn new(index: usize, d: usize, fit: Fit, plain: &Fit) -> Self {
+        let (gain, _) = ranking::gain(&plain.held_out, &fit.held_out);
+        let deviations = ranking::deviations(&plain.held_out, &fit.held_out);
+        Self { index, gain, deviations, p: ranking::p_value(&fit, d), fit }
+    }
 }
 
 /// What a step of the selection is made from.
@@ -141,11 +148,7 @@ impl<'a> Field<'a> {
             .filter_map(|index| {
                 let (from, d) = places[index];
                 let columns: Vec<usize> = own.iter().copied().chain(from..from + d).collect();
-                let fit = evidence.fit(&columns)?;
-                let (mean, _) = ranking::gain(&plain.held_out, &fit.held_out);
-                let deviations = ranking::deviations(&plain.held_out, &fit.held_out);
-                let p = ranking::p_value(&fit, d);
-                Some(Score { index, gain: mean, deviations, p, fit })
+                Some(Score::new(index, d, evidence.fit(&columns)?, &plain))
             })
             .collect();
         let blocks = plain.held_out.len() as f64;
@@ -233,40 +236,15 @@ impl<'a> Field<'a> {
 
     /// A candidate as the choice.
     fn choice(&self, s: &Score, order: &[&Score], twins: Vec<String>) -> Choice {
-        let share = |s: &Score| s.gain * self.blocks / self.total;
         let next = order.iter().find(|o| self.name(o) != self.name(s));
         Choice {
             index: s.index,
             fit: s.fit.clone(),
             p_value: s.p,
-            share: share(s),
+            share: self.share(s),
             twins,
-            runner_up: next.map(|o| (self.name(o).to_owned(), share(o))),
+            runner_up: next.map(|o| (self.name(o).to_owned(), self.share(o))),
         }
-    }
-
-    /// Why candidates that were close are not taken, those that take away most first; `feigned`:
-    /// those that the sensors alone give.
-    fn refusals(&self, order: &[&Score], feigned: &[usize]) -> Vec<Refused> {
-        let tests = self.tests();
-        let near = order.iter().filter(|s| s.p < NEAR && s.gain > 0.0).take(MOST_REFUSED);
-        near.filter_map(|s| {
-            let why = if self.feeds(s) {
-                "its strength comes out with the sign of a law that feeds the motion".to_owned()
-            } else if feigned.contains(&s.index) {
-                "records of the model without it, seen by the same sensors, show as much".to_owned()
-            } else if s.p * tests >= OF_A_FAMILY {
-                told::by_chance(s.p, tests)
-            } else if !self.stands(s) {
-                let share = 100.0 * s.gain * self.blocks / self.total;
-                let why = if self.is_something(s.gain) { "but not from block to block" } else { "as good as nothing" };
-                format!("it takes away {share:.2} % of what is left where it was not fitted, {why}")
-            } else {
-                return None;
-            };
-            Some(Refused::new(self.name(s), why))
-        })
-        .collect()
     }
 }
 
@@ -346,6 +324,9 @@ pub(super) fn choose(
         feigned.push(winner.index);
     };
     audit.refused = field.refusals(&order, &feigned);
+    if winner.is_none() {
+        audit.refused.extend(field.with_the_other_sign(&order));
+    }
     let trial = field.on_trial(&order).filter(|s| winner.is_none_or(|w| w.index != s.index));
     if let Some(strongest) = trial {
         // What is not told from a form on its way may be told from it in the end.

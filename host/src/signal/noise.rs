@@ -2,7 +2,7 @@
 //!
 //! The power spectral density of the angle is estimated from its second difference (which whirling
 //! leaves stationary), S_φ(f) = S_ΔΔφ(f) / |2 sin(π f Δt)|⁴, averaged over Hann windows with half
-//! overlap (Welch, 1967). Noise of encoders is close to white, so that its level is the median of
+//! overlap (Welch, 1967) that reach to both ends. Noise of encoders is close to white, so that its level is the median of
 //! S_φ over the top of the band, over what the median of such an estimate is beside its mean ((1 −
 //! 2/9ν)³ for χ² of ν degrees of freedom, Wilson and Hilferty 1931: 0.89 for three windows); the
 //! signal ends where S_φ, averaged over a few bins, last exceeds that level by a factor.
@@ -45,13 +45,13 @@ pub fn estimate<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: 
     let power: f64 = window.iter().map(|w| w * w).sum();
     let (mut input, mut output) = (fft.make_input_vec(), fft.make_output_vec());
     let mut density = vec![0.0; size / 2 + 1];
-    let mut count = 0.0;
+    let (mut count, mut shared) = (0.0, 0.0);
     // A few hundred windows settle the level; more of a long record add nothing.
     let total: usize = stretches.clone().map(<[f64]>::len).sum();
     let stride = (size / 2).max(total / 400);
     for x in stretches {
-        let mut start = 0;
-        while start + size + 2 <= x.len() {
+        let starts = starts(x.len(), size, stride);
+        for &start in &starts {
             for i in 0..size {
                 let k = start + i;
                 input[i] = (x[k] - 2.0 * x[k + 1] + x[k + 2]) * window[i];
@@ -62,8 +62,8 @@ pub fn estimate<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: 
                 }
                 count += 1.0;
             }
-            start += stride;
         }
+        shared += shared_by(&starts, &window, power);
     }
     if count == 0.0 {
         return None;
@@ -80,10 +80,8 @@ pub fn estimate<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: 
         .collect();
     let mut top: Vec<f64> = angle[size * 3 / 10..size * 19 / 40].to_vec();
     top.sort_by(f64::total_cmp);
-    // Degrees of freedom of a bin (Welch's count for half-overlapping Hann pieces, as in
-    // `spectrum::threshold`); neighbours share a bin and a half.
-    let freedom: f64 =
-        if stride > size / 2 || count < 2.0 { 2.0 * count } else { 36.0 * count * count / (19.0 * count - 1.0) };
+    // Degrees of freedom of a bin; neighbours share a bin and a half.
+    let freedom: f64 = 2.0 * count * count / shared;
     let floor = top[top.len() / 2] / (1.0 - 2.0 / (9.0 * freedom)).powi(3);
     let square_error = (core::f64::consts::FRAC_PI_2 * 2.0 / freedom * 1.5 / top.len() as f64).sqrt();
     let bin_hz = 1.0 / (size as f64 * step_s);
@@ -112,6 +110,29 @@ pub fn estimate<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: 
         clear_end_hz: clear as f64 * bin_hz,
         acceleration_99_hz: busy as f64 * bin_hz,
     })
+}
+
+/// Where windows of some samples begin in a stretch, so that they lie evenly over all of it, at most a
+/// stride apart: one in its middle where it is little longer.
+fn starts(samples: usize, size: usize, stride: usize) -> Vec<usize> {
+    let Some(last) = samples.checked_sub(size + 2) else { return Vec::new() };
+    if 2 * last < stride {
+        return vec![last / 2];
+    }
+    let steps = last.div_ceil(stride);
+    (0..=steps).map(|i| i * last / steps).collect()
+}
+
+/// Σ ρ² over all pairs of windows, with ρ = Σ wᵢ wᵢ₊ₛ/Σ wᵢ² of two that begin s samples apart: the
+/// mean of K periodograms has 2 K²/Σ ρ² degrees of freedom (Welch 1967).
+fn shared_by(starts: &[usize], window: &[f64], power: f64) -> f64 {
+    let correlation =
+        |apart: usize| window.iter().zip(window.iter().skip(apart)).map(|(a, b)| a * b).sum::<f64>() / power;
+    let one = |(i, start): (usize, &usize)| {
+        let next = starts[i + 1..].iter().map(|s| s - start).take_while(|apart| *apart < window.len());
+        1.0 + 2.0 * next.map(|apart| correlation(apart).powi(2)).sum::<f64>()
+    };
+    starts.iter().enumerate().map(one).sum()
 }
 
 #[cfg(test)]
@@ -168,6 +189,29 @@ mod tests {
             assert!((mean - 1.0).abs() < 0.25 * told + 0.005, "{samples}: {mean}, {told}");
             assert!((0.75..1.3).contains(&(scatter / told)), "{samples}: {scatter}, {told}");
         }
+    }
+
+    #[test]
+    fn windows_lie_over_all_of_a_stretch() {
+        assert_eq!(starts(624, 512, 256), [55]);
+        assert_eq!(starts(767, 512, 256), [0, 253]);
+        assert_eq!(starts(2050, 2048, 1024), [0]);
+        assert!(starts(513, 512, 256).is_empty());
+        assert_eq!(starts(30_000, 2048, 1024).last(), Some(&27_950));
+    }
+
+    /// Noise that falls along a record counts as much as it lasts.
+    #[test]
+    fn the_quiet_end_of_a_short_record_counts() {
+        let mut squares = 0.0;
+        for seed in 0..100 {
+            let mut rng = rand_chacha::ChaCha8Rng::seed_from_u64(seed);
+            let size = |i: usize| if i < 380 { 1.5 } else { 0.5 };
+            let x: Vec<f64> = (0..760).map(|i| size(i) * (rng.random::<f64>() - 0.5)).collect();
+            squares += 12.0 * estimate(std::iter::once(&x[..]), 1e-2).unwrap().sigma.powi(2) / 100.0;
+        }
+        // The first window alone, which ends at 512, has 2.2.
+        assert!((squares - 1.25).abs() < 0.2, "{squares}");
     }
 
     #[test]

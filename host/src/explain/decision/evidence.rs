@@ -11,6 +11,10 @@ pub(in crate::explain) trait Evidence: Sync {
     /// The fit of some columns; none where they are singular.
     fn fit(&self, columns: &[usize]) -> Option<Fit>;
 
+    /// The same with the last `d` of either sign, where a fit holds those of a law at nothing that
+    /// come out with the sign of none.
+    fn fit_of_either_sign(&self, columns: &[usize], d: usize) -> Option<Fit>;
+
     /// A lower bound, quickly found, of [`ranking::p_value`] of the last `d` of some columns; none
     /// where there is no fit.
     fn least_p(&self, columns: &[usize], d: usize) -> Option<f64>;
@@ -45,6 +49,10 @@ pub(in crate::explain) struct Rows<'a> {
 impl Evidence for Rows<'_> {
     fn fit(&self, columns: &[usize]) -> Option<Fit> {
         ranking::fit(self.design, columns, self.weights)
+    }
+
+    fn fit_of_either_sign(&self, columns: &[usize], _d: usize) -> Option<Fit> {
+        self.fit(columns)
     }
 
     fn least_p(&self, _columns: &[usize], _d: usize) -> Option<f64> {

@@ -58,6 +58,10 @@ impl decision::Evidence for Blocks {
         Blocks::fit(self, columns)
     }
 
+    fn fit_of_either_sign(&self, columns: &[usize], d: usize) -> Option<Fit> {
+        Blocks::fit_of_either_sign(self, columns, d)
+    }
+
     fn least_p(&self, columns: &[usize], d: usize) -> Option<f64> {
         self.p_of_even_noise(columns, d)
     }

@@ -11,7 +11,7 @@
 use rayon::prelude::*;
 
 use super::hypotheses::{COUNTS, channels, kinds, search_scale, search_time, small, statements};
-use super::scene::{Misfit, Noise, Scene};
+use super::scene::{Misfit, Scene};
 use super::undo::Undo;
 use super::{CLEAN, FEW};
 use crate::wording::format::Z95;
@@ -22,6 +22,9 @@ const FITS_BETTER: f64 = 0.1;
 const SOLVED: f64 = 0.2;
 /// The same where all other kinds leave at least twice as much.
 const ALONE: f64 = 0.5;
+/// Logarithm of a power by which what is left lies above the noise of other sensors however large
+/// the coefficients come out (by hand).
+const FAR: f64 = 3.0;
 /// Kinds that are tried on all windows.
 const FINALISTS: usize = 4;
 /// Steps of Gauss and Newton.
@@ -51,12 +54,21 @@ struct Tried {
     left: Misfit,
 }
 
-fn try_all(scene: &Scene, list: Vec<Undo>, noise: Option<&Noise>) -> Vec<Tried> {
-    let tried: Vec<Option<Tried>> = list
-        .into_par_iter()
-        .map(|undo| Some(Tried { left: scene.with(&undo).misfit_beside(noise)?, errors: Vec::new(), undo }))
-        .collect();
+fn try_all(list: Vec<Undo>, left: impl Fn(&Undo) -> Option<Misfit> + Sync) -> Vec<Tried> {
+    let tried: Vec<Option<Tried>> =
+        list.into_par_iter().map(|undo| Some(Tried { left: left(&undo)?, errors: Vec::new(), undo })).collect();
     tried.into_iter().flatten().collect()
+}
+
+/// What is left with a statement undone: beside the noise that its sensors have then, where it is not
+/// far above any that they could have.
+fn stated_otherwise(scene: &Scene, before: &Misfit, undo: &Undo) -> Option<Misfit> {
+    let there = scene.with(undo);
+    let fitted = there.fitted()?;
+    let roughly = there.misfit_of(&fitted, Some(&before.noise))?;
+    let sizes = there.sensors.sigma.iter().zip(&scene.sensors.sigma);
+    let change = sizes.map(|(now, then)| 2.0 * (now / then).ln().abs()).fold(0.0, f64::max);
+    if roughly.log > before.log.max(0.0) + change + FAR { Some(roughly) } else { there.misfit_of(&fitted, None) }
 }
 
 /// The undoing that removes the residual, if one does.
@@ -64,7 +76,7 @@ pub(super) fn find(scene: &Scene, base: &Misfit) -> Option<Finding> {
     let few = scene.first(FEW);
     let before = few.misfit()?;
     let solved = |tried: &[Tried]| tried.iter().any(|t| t.left.log <= SOLVED * before.log);
-    let mut tried = try_all(&few, statements(&few), None);
+    let mut tried = try_all(statements(&few), |undo| stated_otherwise(&few, &before, undo));
     // Of odd equations a reversed channel's have the same solution with other signs: what differs
     // is the noise that was drawn.
     let fits_better =
@@ -80,7 +92,7 @@ pub(super) fn find(scene: &Scene, base: &Misfit) -> Option<Finding> {
     for next in [search_time, search_scale] {
         if !solved(&tried) {
             // A few per cent or samples change the noise by as little.
-            tried.extend(try_all(&few, next(&few), Some(&before.noise)));
+            tried.extend(try_all(next(&few), |undo| few.with(undo).misfit_beside(&before.noise)));
         }
     }
     tried.sort_by(|a, b| a.left.log.total_cmp(&b.left.log));
@@ -94,19 +106,18 @@ pub(super) fn find(scene: &Scene, base: &Misfit) -> Option<Finding> {
         let all: Vec<Option<Tried>> = all.into_par_iter().map(|t| refine(scene, t)).collect();
         all.into_iter().flatten().collect()
     };
-    let finalists = refined(&few, finalists);
-    // What takes too little away of a few windows will not take enough of all.
+    // What takes too little away of a few windows will not take enough of all: there it is what the
+    // others are held against.
     let may_solve = |t: &Tried| t.left.log <= ALONE * before.log + 0.5 * CLEAN;
-    if !finalists.iter().any(may_solve) {
-        return None;
-    }
+    let (finalists, weaker): (Vec<Tried>, Vec<Tried>) = refined(&few, finalists).into_iter().partition(may_solve);
     let mut last = refined(scene, finalists);
     last.sort_by(|a, b| a.left.log.total_cmp(&b.left.log));
     let mut last = last.into_iter();
     let best = last.next()?;
     let share = best.left.log / base.log;
     let (also, others): (Vec<Tried>, Vec<Tried>) = last.partition(|t| t.left.log - best.left.log < SAME * base.log);
-    let next = others.first().map_or(1.0, |t| t.left.log / base.log);
+    let of_few = weaker.iter().map(|t| t.left.log / before.log).fold(1.0, f64::min);
+    let next = others.first().map_or(1.0, |t| t.left.log / base.log).min(of_few);
     (share <= SOLVED || (share <= ALONE && next >= 2.0 * share)).then(|| Finding {
         also: also.into_iter().map(|t| t.undo).collect(),
         undo: best.undo,
@@ -135,10 +146,12 @@ fn refine(scene: &Scene, start: Tried) -> Option<Tried> {
     let Some((mut x, step, most)) = small(scene, &start.undo) else {
         return Some(Tried { left: scene.with(&start.undo).misfit()?, ..start });
     };
-    let mut best = Tried { left: scene.with(&start.undo.at(&x)).misfit()?, ..start };
+    let there = scene.with(&start.undo.at(&x));
+    let mut fitted = there.fitted()?;
+    let mut best = Tried { left: there.misfit_of(&fitted, None)?, ..start };
     let noise = best.left.noise.clone();
     for _ in 0..ROUNDS {
-        let Some((change, errors)) = scene.step(&best.undo, &x, &step) else { break };
+        let Some((change, errors)) = scene.step(&best.undo, &x, &step, &fitted) else { break };
         best.errors = errors;
         let longest = change.iter().zip(&most).map(|(c, m)| (c / m).abs()).fold(1.0, f64::max);
         let mut factor = 1.0 / longest;
@@ -146,19 +159,21 @@ fn refine(scene: &Scene, start: Tried) -> Option<Tried> {
         for _ in 0..3 {
             let next: Vec<f64> = x.iter().zip(&change).map(|(x, c)| x + factor * c).collect();
             let undo = best.undo.at(&next);
-            if let Some(left) = scene.with(&undo).misfit_beside(Some(&noise)).filter(|m| m.log < best.left.log) {
-                better = Some((next, undo, left));
+            let there = scene.with(&undo);
+            let left = there.fitted().and_then(|f| Some((there.misfit_of(&f, Some(&noise))?, f)));
+            if let Some((left, fitted)) = left.filter(|(m, _)| m.log < best.left.log) {
+                better = Some((next, undo, left, fitted));
                 break;
             }
             factor *= 0.3;
         }
-        let Some((next, undo, left)) = better else { break };
+        let Some((next, undo, left, there)) = better else { break };
         let gain = best.left.log - left.log;
-        (x, best.undo, best.left) = (next, undo, left);
+        (x, best.undo, best.left, fitted) = (next, undo, left, there);
         if gain < 1e-3 {
             break;
         }
     }
-    best.left = scene.with(&best.undo).misfit()?;
+    best.left = scene.with(&best.undo).misfit_of(&fitted, None)?;
     Some(best)
 }

@@ -64,7 +64,7 @@ fn around(f: f64, reach: f64, step: f64) -> Vec<f64> {
 fn tried(scene: &Scene, noise: &Noise, comb: &[f64], stated_hz: f64) -> Vec<(f64, f64)> {
     let one = |f: &f64| {
         let moved = scene.with(&Undo::Drive(TAU * (f - stated_hz)));
-        Some((*f, moved.misfit_beside(Some(noise))?.log))
+        Some((*f, moved.misfit_beside(noise)?.log))
     };
     comb.par_iter().filter_map(one).collect()
 }

@@ -18,7 +18,7 @@ use super::undo::{self, Undo};
 use crate::error::Result;
 use crate::identify::per_record::Split;
 use crate::identify::prepared::{Geometry, prepare_moving};
-use crate::identify::regression::ROW_DEPENDENCE;
+use crate::identify::regression::{ROW_DEPENDENCE, Solution};
 use crate::identify::remeasured::{Sensors, measure, smoothed};
 use crate::identify::series::System;
 use crate::identify::stretches::Stretch;
@@ -66,6 +66,12 @@ pub(super) struct Misfit {
     pub std_errors: Vec<f64>,
     /// What noise alone leaves.
     pub noise: Noise,
+}
+
+/// Rows of the weak form, and the equations refitted to them.
+pub(super) struct Fitted {
+    rows: Vec<WindowRows>,
+    solution: Solution,
 }
 
 /// Mean square of what the sensors' noise adds to the residuals of each equation, by frequency.
@@ -197,23 +203,34 @@ impl Scene {
         rows
     }
 
+    /// The equations refitted.
+    pub fn fitted(&self) -> Option<Fitted> {
+        let rows = self.rows();
+        let solution = regression::solve(&rows, &self.split.terms(), self.geometry.windows.frequencies).ok()?;
+        Some(Fitted { rows, solution })
+    }
+
     /// The equations refitted, and what they leave beside what noise does.
     pub fn misfit(&self) -> Option<Misfit> {
-        self.misfit_beside(None)
+        self.misfit_of(&self.fitted()?, None)
     }
 
     /// The same beside a noise that was measured before, of something close by.
-    pub fn misfit_beside(&self, noise: Option<&Noise>) -> Option<Misfit> {
-        let rows = self.rows();
+    pub fn misfit_beside(&self, noise: &Noise) -> Option<Misfit> {
+        self.misfit_of(&self.fitted()?, Some(noise))
+    }
+
+    /// What equations that were refitted leave beside a noise, or beside that of these sensors.
+    pub fn misfit_of(&self, fitted: &Fitted, noise: Option<&Noise>) -> Option<Misfit> {
+        let Fitted { rows, solution } = fitted;
         let terms = self.split.terms();
         let frequencies = self.geometry.windows.frequencies;
-        let solution = regression::solve(&rows, &terms, frequencies).ok()?;
         let noise = noise.cloned().unwrap_or_else(|| self.noise(&solution.coefficients));
         let (mut sum, mut left) = (0.0, 0.0);
         for (e, x) in solution.coefficients.iter().enumerate() {
             let p = x.len();
             let mut target = vec![0.0; frequencies + 1];
-            for window in &rows {
+            for window in rows {
                 for (r, row) in window.equations[e].chunks_exact(p + 1).enumerate() {
                     target[frequency_of_row(r)] += row[p] * row[p] * if r == 0 { 2.0 } else { 1.0 };
                 }
@@ -229,7 +246,8 @@ impl Scene {
         let count = ((frequencies + 1) * terms.len()) as f64;
         let (log, residual) = (sum / count, left / count);
         let std_errors = solution.covariance.diagonal().iter().map(|v| v.max(0.0).sqrt()).collect();
-        log.is_finite().then_some(Misfit { log, residual, coefficients: solution.coefficients, std_errors, noise })
+        let coefficients = solution.coefficients.clone();
+        log.is_finite().then_some(Misfit { log, residual, coefficients, std_errors, noise })
     }
 
     /// Mean square of what the sensors' noise adds to each equation's residuals, by frequency.
@@ -272,14 +290,11 @@ impl Scene {
         out
     }
 
-    /// One step of Gauss and Newton for the numbers of an undoing, the coefficients refitted
-    /// beside them: changes and their standard errors.
-    pub fn step(&self, undo: &Undo, at: &[f64], small: &[f64]) -> Option<(Vec<f64>, Vec<f64>)> {
-        let here = self.with(&undo.at(at));
-        let rows = here.rows();
+    /// One step of Gauss and Newton for the numbers of an undoing from where it is fitted, the
+    /// coefficients refitted beside them: changes and their standard errors.
+    pub fn step(&self, undo: &Undo, at: &[f64], small: &[f64], here: &Fitted) -> Option<(Vec<f64>, Vec<f64>)> {
+        let Fitted { rows, solution } = here;
         let terms = self.split.terms();
-        let frequencies = self.geometry.windows.frequencies;
-        let solution = regression::solve(&rows, &terms, frequencies).ok()?;
         let moved: Vec<Vec<WindowRows>> = (0..at.len())
             .map(|k| {
                 let mut x = at.to_vec();

@@ -228,7 +228,7 @@ impl Blocks {
         let mean = on.iter().map(|&i| total[(i, i)]).sum::<f64>() / on.len().max(1) as f64;
         let share = 1.0 / self.windows.len().max(1) as f64;
         let stiffer: Vec<(usize, f64)> = on.into_iter().map(|i| (i, ridge[i] * mean * share)).collect();
-        self.fit_of(columns, &self.stiff_grams(columns, &stiffer))
+        self.fit_of(columns, &self.stiff_grams(columns, &stiffer), &self.signs_of(columns))
     }
 
     /// Weighted Gram matrices of some columns, window by window.
@@ -262,14 +262,20 @@ impl Blocks {
     /// Fits some columns; none where they are singular or the blocks too few. What is held at zero
     /// has the standard error of a fit without bounds.
     pub fn fit(&self, columns: &[usize]) -> Option<Fit> {
-        self.fit_of(columns, &self.grams(columns))
+        self.fit_of(columns, &self.grams(columns), &self.signs_of(columns))
     }
 
-    /// The same from their weighted Gram matrices, window by window.
-    fn fit_of(&self, columns: &[usize], parts: &[DMatrix<f64>]) -> Option<Fit> {
+    /// The same with either sign of the last `d`.
+    pub fn fit_of_either_sign(&self, columns: &[usize], d: usize) -> Option<Fit> {
+        let mut signs = self.signs_of(columns);
+        signs.iter_mut().rev().take(d).for_each(|s| *s = 0.0);
+        self.fit_of(columns, &self.grams(columns), &signs)
+    }
+
+    /// The same from their weighted Gram matrices, window by window, with signs that are kept.
+    fn fit_of(&self, columns: &[usize], parts: &[DMatrix<f64>], signs: &[f64]) -> Option<Fit> {
         let p = columns.len();
         let own = columns.iter().filter(|c| **c < self.still.len()).count();
-        let signs = self.signs_of(columns);
         let n = parts.len();
         if n < FOLDS {
             return None;
@@ -280,7 +286,7 @@ impl Blocks {
             return None;
         }
         let origin = self.origin_of(columns);
-        let (all, held) = solve_signed(&total, &signs, &origin)?;
+        let (all, held) = solve_signed(&total, signs, &origin)?;
         // What shows at one time of the record only, as what rang when it began, is less than what is
         // left in the windows of other times, and nothing to them.
         let freedom: f64 = self.parts().map(|(p, _)| p.freedom).sum();
