@@ -80,7 +80,33 @@ fn sentence(result: &Identification) -> String {
 }
 
 /// Whether the equations describe the record, as the end of a sentence.
-fn stands(result: &Identification) -> &'static str {
+fn stands(result: &Identification) -> String {
+    match left_out(result) {
+        Some((what, worst)) if result.within_bound() => {
+            // Equations of balance were dropped until ε was below its bound.
+            let (balance, percent) = ("its equations balance", significant(100.0 * worst, 2));
+            if worst > ERROR_BOUND {
+                format!(
+                    "but on {what} that were left out {balance} to {percent} % only: identify without --method, or with --differentiation five-point"
+                )
+            } else {
+                format!("and on {what} that were left out {balance} to {percent} %")
+            }
+        }
+        _ => by_residuals(result).to_owned(),
+    }
+}
+
+/// What a harmonic balance is made of, and the greatest ε of its equations on some that were left
+/// out.
+fn left_out(result: &Identification) -> Option<(&'static str, f64)> {
+    let held = result.balance.as_ref()?.equations.iter().filter_map(|e| Some(e.held_out?.optimised[0]));
+    let what = if result.method == "upo" { "orbits" } else { "pieces" };
+    Some((what, held.reduce(f64::max)?))
+}
+
+/// The same by what the equations leave of the record.
+fn by_residuals(result: &Identification) -> &'static str {
     let is_warned = |ids: &[&str]| result.warnings.iter().any(|w| ids.contains(&w.id));
     if !result.within_bound() && result.details.expected_error.is_empty() {
         // What the sensors make of it is not known.
@@ -200,6 +226,30 @@ mod tests {
         let (within, told) = said(1.45, &[]);
         assert!(!within && told.contains("or its sensors are noisy"), "{told}");
         assert!(said(0.09, &[0.001]).0 && said(0.13, &[0.1]).0 && !said(f64::NAN, &[0.1]).0);
+    }
+
+    #[test]
+    fn of_a_harmonic_balance_what_it_leaves_of_others_is_told() {
+        use crate::identify::harmonic_balance::account::{Account, EquationAccount};
+        use crate::identify::harmonic_balance::settings::Settings;
+        use crate::identify::harmonic_balance::solve::{HeldOut, Trail};
+        let said = |error: f64| {
+            let held_out = Some(HeldOut { groups: 5, plain: [0.3; 2], optimised: [error; 2] });
+            let equations = vec![EquationAccount { trail: Trail { rounds: Vec::new(), reached: true }, held_out }];
+            let balance = Some(Account {
+                settings: Settings::orbits(0.05),
+                orbits: Vec::new(),
+                delay: None,
+                recurrences: 0,
+                cut_off_hz: None,
+                equations,
+                functions: Vec::new(),
+                before_energy_balance: Vec::new(),
+            });
+            card(&Identification { method: "upo".to_owned(), balance, ..identified() }, &rig()).verdict
+        };
+        assert!(said(0.311).contains("but on orbits that were left out its equations balance to 31 % only"));
+        assert!(said(0.019).ends_with("and on orbits that were left out its equations balance to 1.9 %."));
     }
 
     #[test]

@@ -119,7 +119,7 @@ pub fn judge(result: &mut Identification, rig: &Rig) {
 }
 
 /// That more is left than the sensors' noise. Where an input hides its noise, it may be that.
-fn misfit(result: &Identification) -> Option<Warning> {
+pub(super) fn misfit(result: &Identification) -> Option<Warning> {
     let details = &result.details;
     let by_chance = details.by_chance.max(1.0);
     let of_all = details.residual_over_noise.filter(|ratio| *ratio > BESIDE_NOISE * by_chance);

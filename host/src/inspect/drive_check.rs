@@ -67,8 +67,8 @@ pub fn phase_frequency(record: &Record) -> Option<f64> {
     Some(turns / (f64::from(steps.max(1)) * segment.step_s))
 }
 
-/// What is looked at of one coordinate's stretch, see the head of this file. Numbers that are no
-/// angles: x² or x.
+/// What is looked at of one coordinate's stretch, see the head of this file. Of numbers that are no
+/// angles x and x²: what drives them may be a force or move with them.
 pub fn observables(motion: &Motion, stretch: usize, rate_hz: f64, direction: Direction) -> Vec<Vec<f64>> {
     let Some(x) = motion.stretches.get(stretch) else { return Vec::new() };
     let v = || motion.increments(rate_hz).into_iter().nth(stretch).unwrap_or_default();
@@ -76,8 +76,7 @@ pub fn observables(motion: &Motion, stretch: usize, rate_hz: f64, direction: Dir
     match (motion.space, direction) {
         (Space::S1, Direction::Vertical) => vec![squared(&v()), x.iter().map(|x| x.cos()).collect()],
         (Space::S1, Direction::Horizontal) => vec![v(), x.iter().map(|x| x.sin()).collect()],
-        (Space::R, Direction::Vertical) => vec![squared(x)],
-        (Space::R, Direction::Horizontal) => vec![x.clone()],
+        (Space::R, _) => vec![x.clone(), squared(x)],
     }
 }
 

@@ -9,6 +9,7 @@ pub mod correlation_dimension;
 pub mod embedding;
 pub mod false_nearest_neighbours;
 pub mod free_orbit;
+mod local_sheet;
 pub mod lyapunov_exponent;
 pub mod model_exponent;
 pub mod neighbours;
@@ -24,5 +25,5 @@ pub mod survey_text;
 pub mod survey_warnings;
 pub mod tangent_exponent;
 #[cfg(test)]
-mod test_series;
+pub(crate) mod test_series;
 pub mod unstable_periodic_orbit;

@@ -49,13 +49,13 @@ pub(super) struct JointState<'a> {
 }
 
 impl<'a> JointState<'a> {
-    /// Delays of each coordinate in a state: two, three of a single one without a drive, and one
-    /// where a free system's coordinates are as many as its dimension: more would add directions in
-    /// which no neighbour lies, whose gradients are the flow's curvature.
+    /// Delays of each coordinate in a state: two, five of a single one without a drive (a motion on a
+    /// surface crosses itself in fewer, Takens 1981), and one where a free system's coordinates are as
+    /// many as its dimension.
     pub fn delays(&self, dimension: Option<usize>) -> usize {
         match self.coordinates.len() {
             _ if self.phase.is_some() => 2,
-            1 => 3,
+            1 => 5,
             n if dimension.is_some_and(|d| d <= n) => 1,
             _ => 2,
         }
@@ -87,7 +87,7 @@ pub(super) fn lyapunov(state: &JointState<'_>, period: Option<f64>, space: &Phas
             delays,
             neighbours: 8 * unknowns,
             theiler: space.theiler,
-            keep: space.dimension.filter(|_| phase.is_none()),
+            in_sheet: phase.is_none(),
             steps: 6000,
             vectors: 100_000,
         },

@@ -17,7 +17,7 @@
 use nalgebra::{DMatrix, DVector};
 use std::f64::consts::{FRAC_PI_2, TAU};
 
-use super::release_fit::{ReleaseFit, in_phase};
+use super::release_fit::{self, ReleaseFit, in_phase};
 
 /// Periods in a window.
 const PERIODS: f64 = 6.0;
@@ -26,12 +26,14 @@ const HARMONICS: usize = 7;
 /// Degree of the amplitudes over a window; the phase has one more.
 const DEGREE: usize = 2;
 
-/// Fits the windows of a decay: `omega` a first guess of the frequency, `major` as in
-/// [`super::release_fit::fit`].
+/// Fits the windows of a decay: `omega` its mean frequency, from which that at its beginning may be
+/// far, `major` as in [`super::release_fit::fit`].
 pub fn windows(channels: &[&[f64]], step: f64, omega: f64, major: &[f64]) -> Vec<ReleaseFit> {
     let m = channels.iter().map(|c| c.len()).min().unwrap_or(0);
     let mut out = Vec::new();
-    let mut guess = omega;
+    let beginning = ((PERIODS * TAU / omega / step).round() as usize).min(m);
+    let first: Vec<&[f64]> = channels.iter().map(|c| &c[..beginning]).collect();
+    let mut guess = release_fit::fit(&first, step, major).map_or(omega, |f| f.omega);
     let mut from = 0;
     loop {
         let length = (PERIODS * TAU / guess / step).round() as usize;

@@ -164,8 +164,7 @@ pub(super) fn build(
         ));
     }
     let periodic = releases::periodic(&entries);
-    let mut described: Vec<Release> =
-        entries.iter().map(|e| releases::describe(gathered, e.release, &e.fit, &major)).collect();
+    let mut described: Vec<Release> = entries.iter().map(|e| releases::describe(gathered, e, &major)).collect();
     for (r, _) in described.iter_mut().zip(&entries).filter(|(_, e)| e.decaying) {
         r.remarks.insert(0, "decaying");
     }
@@ -294,13 +293,13 @@ fn compare_with_full(
 ) -> Vec<Option<Member>> {
     let energies: Vec<f64> = entries
         .iter()
-        .map(|Entry { release, fit, .. }| {
+        .map(|Entry { release, fit, beyond_noise, .. }| {
             // At rest at phase 0 where the motion is on a mode; for others the first sample, from
             // rest, is the better witness.
             let n = gathered.names.len();
             let rest: Vec<f64> = (0..n).map(|c| fit.motion(c, 0.0)[0]).collect();
             let first: Vec<f64> = (0..n).map(|c| gathered.releases[*release][c][0]).collect();
-            system.potential(if fit.residual < releases::PERIODIC { &rest } else { &first })
+            system.potential(if *beyond_noise < releases::PERIODIC { &rest } else { &first })
         })
         .collect();
     let family = normal_mode::family(system, &energies);

@@ -10,9 +10,10 @@ use super::release_fit::{self, ReleaseFit};
 use crate::error::{BadInput, Result};
 use crate::record::Record;
 use crate::rig::Rig;
+use crate::signal::noise;
 use crate::warning::Warning;
 
-/// Residual, relative to the motion, up to which a release counts as a periodic motion of the
+/// Residual beyond the noise, relative to the motion, up to which a release counts as a periodic motion of the
 /// family.
 pub const PERIODIC: f64 = 0.05;
 /// Residual up to which a record is close to periodic at all.
@@ -206,6 +207,22 @@ pub struct Entry {
     pub decaying: bool,
     /// The fit.
     pub fit: ReleaseFit,
+    /// What it leaves beyond the sensors' noise, relative to the motion.
+    pub beyond_noise: f64,
+}
+
+impl Entry {
+    /// A fit beside the mean square of the channels' noise, all together.
+    fn new(release: usize, decaying: bool, fit: ReleaseFit, noise: f64) -> Self {
+        let beyond_noise = (fit.residual.powi(2) - share_of(noise, &fit).powi(2)).max(0.0).sqrt();
+        Self { release, decaying, fit, beyond_noise }
+    }
+}
+
+/// The rms of the noise over that of a motion.
+fn share_of(noise: f64, fit: &ReleaseFit) -> f64 {
+    let square = |harmonics: &[Vec<f64>]| harmonics.iter().skip(1).flatten().map(|c| 0.5 * c * c).sum::<f64>();
+    (noise / (square(&fit.cosine) + square(&fit.sine)).max(f64::MIN_POSITIVE)).sqrt()
 }
 
 /// Fits every release that swings, as a whole or, where it decays, window by window. `major`:
@@ -217,16 +234,22 @@ pub fn entries(gathered: &Gathered, major: &[f64]) -> Vec<Entry> {
         let Some(fit) = release_fit::fit(&channels, gathered.step, major).filter(|f| f.residual.is_finite()) else {
             continue;
         };
-        if fit.residual >= PERIODIC {
-            let windows = decay::windows(&channels, gathered.step, fit.omega, major);
-            let amplitude = |f: &ReleaseFit| f.cosine[1].iter().zip(major).map(|(x, p)| x * p).sum::<f64>().abs();
+        let levels = channels.iter().filter_map(|x| noise::estimate(core::iter::once(*x), gathered.step));
+        let noise: f64 = levels.map(|n| n.sigma * n.sigma).sum();
+        let whole = Entry::new(release, false, fit, noise);
+        if whole.beyond_noise >= PERIODIC {
+            let windows = decay::windows(&channels, gathered.step, whole.fit.omega, major);
+            // Where a decay is lost in the noise it tells nothing.
+            let heard = windows.into_iter().take_while(|w| share_of(noise, w) < PERIODIC);
+            let windows: Vec<Entry> = heard.map(|fit| Entry::new(release, true, fit, noise)).collect();
+            let amplitude = |e: &Entry| e.fit.cosine[1].iter().zip(major).map(|(x, p)| x * p).sum::<f64>().abs();
             let falls = windows.windows(2).all(|w| amplitude(&w[1]) < amplitude(&w[0]));
-            if windows.len() >= 3 && falls && windows.iter().all(|w| w.residual < PERIODIC) {
-                out.extend(windows.into_iter().map(|fit| Entry { release, decaying: true, fit }));
+            if windows.len() >= 3 && falls && windows.iter().all(|w| w.beyond_noise < PERIODIC) {
+                out.extend(windows);
                 continue;
             }
         }
-        out.push(Entry { release, decaying: false, fit });
+        out.push(whole);
     }
     out
 }
@@ -234,14 +257,15 @@ pub fn entries(gathered: &Gathered, major: &[f64]) -> Vec<Entry> {
 /// Whether the records as a whole are close to periodic: every motion that can be fitted is, and
 /// one is so closely.
 pub fn periodic(entries: &[Entry]) -> bool {
-    entries.iter().any(|e| e.fit.residual < PERIODIC) && entries.iter().all(|e| e.fit.residual < NEARLY)
+    entries.iter().any(|e| e.beyond_noise < PERIODIC) && entries.iter().all(|e| e.beyond_noise < NEARLY)
 }
 
 /// What to tell of a release.
-pub fn describe(gathered: &Gathered, index: usize, fit: &ReleaseFit, major: &[f64]) -> Release {
-    let (file, segment) = gathered.sources[index].clone();
+pub fn describe(gathered: &Gathered, entry: &Entry, major: &[f64]) -> Release {
+    let Entry { release, fit, beyond_noise, .. } = entry;
+    let (file, segment) = gathered.sources[*release].clone();
     let mut remarks = Vec::new();
-    if fit.residual >= PERIODIC {
+    if *beyond_noise >= PERIODIC {
         remarks.push("off-mode");
     }
     if fit.residual >= 0.01 && fit.residual_thirds[1] > 2.0 * fit.residual_thirds[0] {
@@ -266,7 +290,7 @@ pub fn describe(gathered: &Gathered, index: usize, fit: &ReleaseFit, major: &[f6
         out_of_phase: fit.sine_share(),
         floquet: None,
         energy: None,
-        used: fit.residual < PERIODIC,
+        used: *beyond_noise < PERIODIC,
         remarks,
     }
 }

@@ -148,7 +148,7 @@ impl Judge {
                 }
             }
             found.retain(|f| f.z > self.limit && f.size.abs() > 2.0 * bend && f.size.abs() > 1.5 * trace.quantum);
-            found.retain(|f| height::is_its_own(trace, f, (self.half, self.degree)));
+            found.retain(|f| height::is_its_own(trace, f, (self.half, self.degree)) && height::has_an_edge(trace, f));
             // The greatest come first: where they are motion, so are the others.
             if 4 * found.len().saturating_sub(before) < batch.len() {
                 break;

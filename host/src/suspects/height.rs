@@ -1,6 +1,6 @@
 //! Whether a break has one height, whatever it is looked at with: a swing faster than the record's
 //! others leaves a polynomial a step, and the top of a smooth one a spike as wide, another one in each
-//! window.
+//! window. Samples in a row that are off begin or end with a step; a whole swing does not.
 
 use super::breaks::{Found, Kind, LIKE, NARROW, WINDOWS};
 use super::local_fit::{Shape, Window, fit};
@@ -8,6 +8,22 @@ use super::trace::Trace;
 
 /// Share of its height by which it may differ from window to window beside its error (by hand).
 const OFF: f64 = 0.5;
+
+/// Share of its height by which a spike of many samples steps where it begins or ends (by hand).
+const EDGE: f64 = 0.1;
+
+/// Whether a spike so wide that a few samples show its edge by itself steps there.
+pub fn has_an_edge(trace: &Trace<'_>, found: &Found) -> bool {
+    let narrow = NARROW[0];
+    if found.kind != Kind::Spike || found.to - found.from <= narrow.0 {
+        return true;
+    }
+    [found.from, found.to].into_iter().any(|at| {
+        let edge = Found { kind: Kind::Slip, from: at, to: at, ..*found };
+        let step = heights(trace, &edge, &[], narrow);
+        step.is_none_or(|(height, error)| height[0].abs() > (LIKE * error).max(EDGE * found.size.abs()))
+    })
+}
 
 /// Whether what was found with a window of that half width and degree has its height in every one, as
 /// far as each tells it.
@@ -81,5 +97,17 @@ mod tests {
         x[3000..3004].iter_mut().for_each(|v| *v = 9.0);
         let found: Vec<(Kind, usize, usize)> = of(&x).iter().map(|f| (f.kind, f.from, f.to)).collect();
         assert_eq!(found, [(Kind::Spike, 1500, 1501), (Kind::Spike, 3000, 3004)]);
+    }
+
+    #[test]
+    fn whole_swings_of_a_smooth_chaotic_motion_are_no_spikes() {
+        let [x, _, z] = crate::phase_space::test_series::lorenz(20_000, 10);
+        for (shown, mut x) in [("x", x), ("z", z)] {
+            assert_eq!(of(&x), [], "{shown}");
+            // Thirty rows of another value.
+            x[7000..7030].iter_mut().for_each(|v| *v = 60.0);
+            let found: Vec<(Kind, usize)> = of(&x).iter().map(|f| (f.kind, f.from)).collect();
+            assert_eq!(found, [(Kind::Break, 7000), (Kind::Break, 7030)], "{shown}");
+        }
     }
 }

@@ -130,8 +130,8 @@ pub fn finish(
     let units: Vec<String> = names.iter().map(unit).collect();
     let identified = Identified { names, values: &found, covariance: estimate, metric: &least };
     let (parameters, ties_misfit) = built_in::parameters(rig, &identified, &units, &mut warnings);
-    let of_found = balances(names, &found, written, prepared, &shifts)?;
-    let (identification_error, residuals) = as_balanced(of_found, &first, worst);
+    let (identification_error, residuals) = balances(names, &found, written, prepared, &shifts)?;
+    let own = (first.identification_error.clone(), first.residuals.clone());
     let given: usize = prepared.stretches.iter().map(Stretch::len).sum::<usize>() * noise_ratio.len();
     let details = super::super::Details {
         repetition,
@@ -143,7 +143,7 @@ pub fn finish(
         residual_over_noise: None,
         ..first.details.clone()
     };
-    let mut result = Identification {
+    let result = Identification {
         method: "shooting".to_owned(),
         parameters,
         identification_error,
@@ -170,24 +170,21 @@ pub fn finish(
         zeros,
         ..first
     };
+    let mut result = as_balanced(result, own, worst);
     judgement::judge(&mut result, rig);
     Ok(result)
 }
 
-/// ε and residuals of the balance equations with the coefficients found; with those of the weak form
-/// where solutions follow the record to its noise, and the equations balance with these alone: of a
-/// motion sampled coarsely the balance has errors of its own, which its own coefficients make up for.
-fn as_balanced(
-    (error, residuals): (Vec<f64>, Vec<Residuals>),
-    first: &Identification,
-    worst: f64,
-) -> (Vec<f64>, Vec<Residuals>) {
-    let bounds = first.error_bounds();
-    let is_off = error.iter().zip(&bounds).any(|(e, bound)| e > bound);
-    if worst <= MISSES && is_off && first.within_bound() && first.identification_error.len() == error.len() {
-        return (first.identification_error.clone(), first.residuals.clone());
+/// ε and residuals of the weak form's own coefficients in the place of those found, where solutions
+/// follow the record to its noise and the equations miss something with these alone: of a motion
+/// sampled coarsely the balance has errors of its own, which its own coefficients make up for.
+fn as_balanced(found: Identification, own: (Vec<f64>, Vec<Residuals>), worst: f64) -> Identification {
+    let misses = |i: &Identification| !i.within_bound() || judgement::misfit(i).is_some();
+    if worst > MISSES || own.0.len() != found.identification_error.len() || !misses(&found) {
+        return found;
     }
-    (error, residuals)
+    let balanced = Identification { identification_error: own.0, residuals: own.1, ..found.clone() };
+    if misses(&balanced) { found } else { balanced }
 }
 
 /// ε of the balance equations with these coefficients in them, the sensors' zeros (by stretch) taken
