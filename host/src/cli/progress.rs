@@ -31,6 +31,17 @@ fn seen() -> bool {
     !QUIET.load(Ordering::Relaxed) && std::io::stderr().is_terminal()
 }
 
+/// Whether progress is told in lines of their own: where nobody sees a bar, unless quiet is wanted.
+pub fn wants_lines() -> bool {
+    !QUIET.load(Ordering::Relaxed) && !std::io::stderr().is_terminal()
+}
+
+/// A line of progress on standard error.
+pub fn line(text: &str) {
+    // Whoever closed standard error does not want it.
+    let _ = writeln!(std::io::stderr(), "{text}");
+}
+
 /// What a capture tells of its progress: shown on a terminal, unless quiet is wanted.
 pub fn of_capture() -> Box<dyn FnMut(&crate::capture::Progress)> {
     if QUIET.load(Ordering::Relaxed) {
@@ -44,7 +55,7 @@ pub fn of_capture() -> Box<dyn FnMut(&crate::capture::Progress)> {
 /// there.
 pub fn bar(what: &'static str, length: u64) -> ProgressBar {
     let bar = drawn(what, length);
-    if !QUIET.load(Ordering::Relaxed) && !seen() {
+    if wants_lines() {
         follow(&bar, what);
     }
     bar
@@ -119,9 +130,8 @@ impl Lines {
     }
 
     fn write(&mut self, what: &str, step: &str, after: Duration) {
-        if let Some(line) = self.due(what, step, after) {
-            // Whoever closed standard error does not want it.
-            let _ = writeln!(std::io::stderr(), "{line}");
+        if let Some(due) = self.due(what, step, after) {
+            line(&due);
         }
     }
 }
@@ -129,8 +139,8 @@ impl Lines {
 /// One of several steps of a long command: as [`during`]; a line of its own where no terminal is
 /// there.
 pub fn step<T>(what: &'static str, work: impl FnOnce() -> T) -> T {
-    if !QUIET.load(Ordering::Relaxed) && !std::io::stderr().is_terminal() {
-        eprintln!("{what}");
+    if wants_lines() {
+        line(what);
         return in_lines(what.into(), Lines { last: Some((String::new(), Duration::ZERO)) }, work);
     }
     during(what, work)

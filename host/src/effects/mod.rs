@@ -101,6 +101,7 @@ pub fn read_more<'a>(source: &Source, more: impl Iterator<Item = &'a Entry>) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::effects::entry::At;
 
     #[test]
     fn the_catalogue_is_read_whole() {
@@ -111,6 +112,22 @@ mod tests {
         let told = |t: String| t.contains("\nconfirm = ") || t.contains("\nsame_as = ");
         assert!(all.iter().all(|e| text_of(&e.id).is_some_and(told)));
         assert!(all.iter().all(|e| e.takes_from.is_none() || e.positive[0]));
+    }
+
+    /// What may be of a length is not told in the words of an angle.
+    #[test]
+    fn texts_hold_for_angles_and_lengths() {
+        let of_both = |e: &&Entry| !e.turning && !e.names(columns::LOAD) && matches!(e.at, At::Joint | At::Encoder);
+        for e in catalogue().iter().filter(of_both) {
+            let text = format!("{}; {}", e.signature, e.confirm);
+            let mut words = text.split(|c: char| !c.is_alphabetic());
+            assert!(
+                !words.any(|w| ["arm", "encoder", "encoders", "angle", "bearing"].contains(&w)),
+                "{}: {text}",
+                e.id
+            );
+            assert!(!text.contains("turn the joint") && !text.contains("a torque gauge"), "{}: {text}", e.id);
+        }
     }
 
     /// A refinement steps by shares of the value, and a power of 0, 1 or 2 is another entry.

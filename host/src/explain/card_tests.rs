@@ -219,7 +219,7 @@ fn what_cannot_be_decided_has_no_numbers() {
     assert_eq!(
         card.verdict,
         "This record cannot decide what the model lacks: the motion repeats (locked to the drive): one orbit cannot tell effects apart. \
-         Change the drive until the motion is chaotic: `whirl plan` proposes settings."
+         Change the drive until the motion repeats no more, or record how it settles: `whirl plan` proposes settings."
     );
     assert!(card.parameters.is_empty() && card.gap.1.is_empty() && card.equations.is_none());
 }

@@ -265,7 +265,7 @@ impl Display for Undecidable {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         match self {
             Self::Locked => f.write_str(
-                "the motion repeats (locked to the drive): one orbit cannot tell effects apart. Change the drive until the motion is chaotic: `whirl plan` proposes settings",
+                "the motion repeats (locked to the drive): one orbit cannot tell effects apart. Change the drive until the motion repeats no more, or record how it settles: `whirl plan` proposes settings",
             ),
             Self::Diverged => f.write_str(
                 "the fit diverged: the model's predictions miss by more than the record itself moves, so that nothing follows from them. See `whirl inspect` for the channels, and check units and signs in the rig file",

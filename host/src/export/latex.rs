@@ -281,12 +281,16 @@ fn equations(p: &Program<'_>) -> String {
 
 fn parameters(p: &Program<'_>) -> String {
     let row = |c: &Constant| {
+        let physical = c.stands_for.as_ref().map(|e| {
+            format!(": \\({}\\) {}", value(e.value, e.std_error), text(if e.unit == "1" { "" } else { &e.unit }))
+        });
         format!(
-            "  \\({}\\) & \\({}\\) & {} & {} \\\\",
+            "  \\({}\\) & \\({}\\) & {} & {}{} \\\\",
             name(&c.own),
             value(c.value, c.std_error),
             error(c.std_error),
-            text(if c.unit == "1" { "" } else { &c.unit })
+            text(if c.unit == "1" { "" } else { &c.unit }),
+            physical.as_deref().unwrap_or_default().trim_end()
         )
     };
     p.constants.iter().map(row).collect::<Vec<_>>().join("\n")

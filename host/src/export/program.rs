@@ -3,11 +3,12 @@
 
 use super::expression::{Printer, uses};
 use super::names::Names;
-use super::remarks::{error_text, unit_text};
+use super::remarks::{error_text, rounded, unit_text};
 use super::written_out::strength_error;
 use super::{Language, Printed};
 use crate::error::{BadInput, Result};
 use crate::identify::units::channel_units;
+use crate::model::identified::AddedEffect;
 use crate::model::model_file::Space;
 use crate::model::model_file::expression::{Function, Node, Symbol, multiply, number};
 use crate::model::model_file::split::{Entry, Split};
@@ -45,6 +46,8 @@ pub struct Constant {
     pub std_error: f64,
     /// Its unit.
     pub unit: String,
+    /// The effect that it is a strength of, where what enters the equations is not its value.
+    pub stands_for: Option<AddedEffect>,
 }
 
 /// A term of an equation as the model's file has it: coefficient (none for the balance),
@@ -311,6 +314,7 @@ fn constants(motion: &Motion, names: &mut Names) -> Result<Vec<Constant>> {
             own: c.name.clone(),
             std_error: c.std_error,
             unit: c.unit.clone(),
+            stands_for: None,
         });
     }
     for (effect, strength) in motion.strengths().filter(|s| !s.1.adds.is_empty()) {
@@ -318,18 +322,18 @@ fn constants(motion: &Motion, names: &mut Names) -> Result<Vec<Constant>> {
             "" => effect.name(),
             name => format!("{} {name}", effect.name()),
         };
+        let found = &effect.identified;
+        // What enters as the effect's value does has its unit; else it is divided by others.
+        let is_value = same(strength.value, found.value);
+        let physical = format!("{} {}", rounded(found.value), if found.unit == "1" { "" } else { &found.unit });
         out.push(Constant {
             name: names.give(&own),
             value: strength.value,
-            about: format!("strength of {}, as it enters the equations", effect.name()),
+            about: format!("strength of {} ({}), as it enters the equations", effect.name(), physical.trim_end()),
             own,
             std_error: strength_error(motion, effect),
-            // What enters as the effect's value does has its unit; else it is divided by others.
-            unit: if same(strength.value, effect.identified.value) {
-                effect.identified.unit.clone()
-            } else {
-                AS_IT_ENTERS.to_owned()
-            },
+            unit: if is_value { found.unit.clone() } else { AS_IT_ENTERS.to_owned() },
+            stands_for: (!is_value).then(|| found.clone()),
         });
     }
     match out.iter().find(|c| !c.value.is_finite()) {

@@ -9,7 +9,7 @@ use crate::motion::{Acts, Effect};
 const WIDE: usize = 110;
 
 /// A number as it is told in a comment.
-fn rounded(x: f64) -> String {
+pub(super) fn rounded(x: f64) -> String {
     let digits = format!("{x:.5e}");
     match digits.parse::<f64>() {
         Ok(short) if (1e-3..1e5).contains(&short.abs()) || short == 0.0 => short.to_string(),

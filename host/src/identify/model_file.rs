@@ -20,7 +20,8 @@ use crate::wording::toml_words;
 /// # Errors
 /// A nominal damping that there is not.
 pub fn identified_model(result: &Identification, rig: &Rig) -> Result<IdentifiedModel> {
-    let found = result.correlation_names.iter().filter_map(|n| result.parameter(n)).cloned();
+    // In the order in which the identification tells them.
+    let found = result.parameters.iter().filter(|p| result.correlation_names.contains(&p.name)).cloned();
     // What a harmonic balance took as known belongs to the model all the same.
     let known = result.balance.iter().flat_map(|b| &b.settings.known).map(|(name, value)| Parameter {
         name: name.clone(),
@@ -89,6 +90,20 @@ pub fn check_double_pendulum(model: &IdentifiedModel) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn parameters_are_written_in_the_order_in_which_they_are_told() {
+        let rig = Rig::read(std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/seed.toml")).unwrap();
+        let mut result = crate::identify::judgement::tests::identified(&[]);
+        result.parameters.sort_by(|a, b| a.name.cmp(&b.name));
+        result.correlation_names.sort_by(|a, b| b.cmp(a));
+        // What follows from the coefficients stays with the identification.
+        let derived = Parameter { name: "B15".into(), ..result.parameters[0].clone() };
+        result.parameters.insert(2, derived);
+        let names = |list: &[Parameter]| list.iter().map(|p| p.name.clone()).collect::<Vec<_>>();
+        let told: Vec<String> = names(&result.parameters).into_iter().filter(|n| n != "B15").collect();
+        assert_eq!(names(&identified_model(&result, &rig).unwrap().parameters), told);
+    }
 
     #[test]
     fn parameters_are_found_by_name_and_the_wrong_ones_are_named() {

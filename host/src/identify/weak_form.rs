@@ -213,7 +213,7 @@ fn unsolvable(e: Unsolvable, terms: &[usize], names: &[String], model: &ModelFil
                 "motion in which every term of the equations takes part and none is a sum of others",
             )
             .remedy(
-                "Is an arm at rest, is a channel dead or named twice, does the shaker run, is a term a combination of others? See `whirl inspect`",
+                "Is a coordinate at rest, is a channel dead or named twice, does the drive run, is a term a combination of others? See `whirl inspect`",
             )
         }
         Unsolvable::NotFinite => BadInput::new(
@@ -233,15 +233,15 @@ pub(super) fn periodic(repetition: f64, part: &str, rig: &Rig, bound: &ObservedM
     let (why, remedy) = match (bound.inputs.is_empty(), rig.drive.is_some()) {
         (true, true) => (
             "the motion is locked to the drive or periodic",
-            "Change the drive's amplitude or frequency until the motion is chaotic, or count more lines a turn",
+            "Change the drive's amplitude or frequency until the motion repeats no more, or resolve it more finely",
         ),
         (true, false) => (
             "the motion is periodic",
-            "Record a swing that dies away more, or one let go elsewhere, or count more lines a turn",
+            "Record a motion that dies away more, or one let go elsewhere, or resolve it more finely",
         ),
         (false, _) => (
             "the motion or its input is periodic",
-            "Change the input until the motion repeats no more, or count more lines a turn",
+            "Change the input until the motion repeats no more, or resolve it more finely",
         ),
     };
     Warning::new(

@@ -85,14 +85,14 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
         if may_hide && draft.pendulum().is_some() && at_rest > FREE {
             // A free motion would die away; one that repeats after the drive's periods says nothing
             // of its frequency.
-            let dies_down = dies_down(&record);
-            let motion = if dies_down { "grows less, and" } else { "does not die away, yet" };
+            let grows_less = grows_less(&record);
+            let motion = if grows_less { "grows less, and" } else { "does not die away, yet" };
             let why = format!(
                 "the motion {motion} the equations of motion ask for no frequency clearly; if a shaker runs, say it with --drive-hz HZ, otherwise --drive-hz 0"
             );
             tried.iter_mut().for_each(|t| t.draft.why_model.push(Statement::new("drive", "none", &why).unsure()));
             // What leaves least of readings that all lack the drive is no better founded than that.
-            is_founded = dies_down && at_rest <= FITS;
+            is_founded = grows_less && at_rest <= FITS;
         }
     }
     let said = said(draft).filter(|_| draft.pendulum() == Some(Pendulum::Double) && settings.choices.map.is_empty());
@@ -147,8 +147,10 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
     Ok(())
 }
 
-/// Whether every angle's span in the last sixth of the record is below half of that in the first.
-fn dies_down(record: &Record) -> bool {
+/// Whether every angle's span in the last sixth of the record is below half of that in the first: a
+/// motion may grow less so while something drives it, and is not for that one that dies away from
+/// part to part ([`crate::inspect::standing_line::dies_away`]).
+fn grows_less(record: &Record) -> bool {
     let span = |part: &[f64]| {
         let ends = part.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));
         ends.1 - ends.0

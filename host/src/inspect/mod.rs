@@ -309,7 +309,7 @@ fn notices(
         Kind::Periodic => out.push(Warning::new(
             "locked",
             format!("the record repeats {}: it holds one orbit", locked(periodicity.period)),
-            "Change the drive's amplitude or frequency until the motion is chaotic, or record transients",
+            "Change the drive's amplitude or frequency until the motion repeats no more, or record transients",
         )),
         Kind::LocksLater => out.push(Warning::new(
             "locks-later",
@@ -318,12 +318,12 @@ fn notices(
                 locked(periodicity.period),
                 in_seconds(periodicity.locked_after_s.unwrap_or(0.0))
             ),
-            "Use the part before, or change the drive until the motion stays chaotic",
+            "Use the part before, or change the drive until the motion never repeats",
         )),
         Kind::AtRest => out.push(Warning::new(
             "at-rest",
             "nothing moves by more than a few quantisation steps",
-            "Check encoders, wiring and shaker",
+            "Check sensors, wiring and drive",
         )),
         Kind::ChaoticOrTransient | Kind::Free => {}
     }
@@ -339,14 +339,14 @@ fn notices(
                     c.unit,
                     c.noise / c.quantisation_noise
                 ),
-                "Check shielding, the decoder's filter and the coupling of the encoder",
+                "Check shielding, the filter of what reads it and the coupling of the sensor",
             ));
         }
         if periodicity.kind != Kind::AtRest && c.greatest - c.least <= 6.0 * c.step {
             out.push(Warning::new(
                 "still-channel",
                 format!("{} does not move", c.name),
-                "Check that its encoder is connected and that the rig file names the right column",
+                "Check that its sensor is connected and that the rig file names the right column",
             ));
         }
     }

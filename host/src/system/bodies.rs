@@ -78,7 +78,17 @@ pub fn read(r: &Reader<'_>, top: &DeTable<'_>) -> Result<Vec<Placed<Body>>> {
 }
 
 fn scalar(r: &Reader<'_>, table: &DeTable<'_>, key: &str) -> Result<Option<Polynomial>> {
-    table.get(key).map(|v| r.scalar(v, Scope::Motion)).transpose()
+    let Some(v) = table.get(key) else { return Ok(None) };
+    let value = r.scalar(v, Scope::Motion)?;
+    let unit = match key {
+        "mass" => "kg",
+        "inertia" => "kg m^2",
+        "first_moment" => "kg m",
+        "centroid" => "m",
+        _ => "1",
+    };
+    r.counted_in(v, &format!("the {key}"), unit)?;
+    Ok(Some(value))
 }
 
 fn arm(r: &Reader<'_>, table: &DeTable<'_>, at: usize, name: String) -> Result<Body> {
@@ -87,11 +97,12 @@ fn arm(r: &Reader<'_>, table: &DeTable<'_>, at: usize, name: String) -> Result<B
         Err(r.source.bad(at, found, expected).remedy(remedy))
     };
     let from = r.source.required(table, at..at, "from", "a point")?;
+    r.counted_in(from, "the point", "m")?;
     let from = r.vector(from)?;
     let mut turned = None;
     let along = match (table.get("angle"), table.get("direction")) {
-        (Some(v), None) => {
-            let angle = r.scalar(v, Scope::Motion)?;
+        (Some(_), None) => {
+            let angle = scalar(r, table, "angle")?.unwrap_or_default();
             if from.len() != 2 {
                 return bad(
                     "angle",
@@ -111,7 +122,11 @@ fn arm(r: &Reader<'_>, table: &DeTable<'_>, at: usize, name: String) -> Result<B
             turned = Some(angle.clone());
             vec![Polynomial::call(Function::Sin, angle.clone()), Polynomial::call(Function::Cos, angle).scaled(-1.0)]
         }
-        (None, Some(v)) => r.vector(v)?,
+        (None, Some(v)) => {
+            let direction = r.vector(v)?;
+            r.counted_in(v, "the direction", "1")?;
+            direction
+        }
         (Some(_), Some(_)) => return bad("direction", "an angle and a direction", "one of them", "Remove one"),
         (None, None) => {
             return bad(
@@ -156,7 +171,10 @@ fn free(r: &Reader<'_>, table: &DeTable<'_>, at: usize, name: String, written: b
     let centroid = match table.get("centroid") {
         None => None,
         Some(v) => match r.value(v, Scope::Motion)? {
-            Word::Vector(_) => Some(r.vector(v)?),
+            Word::Vector(_) => {
+                r.counted_in(v, "the centroid", "m")?;
+                Some(r.vector(v)?)
+            }
             Word::Scalar(_) => {
                 return bad(
                     "centroid",

@@ -4,6 +4,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::bodies::{self, Body};
+use super::dimensions::Measure;
 use super::forces::{self, Force};
 use super::joints::{self, Joint};
 use super::mechanism::Quantity;
@@ -120,9 +121,12 @@ impl Reader<'_> {
             self.new_name(at, name)?;
             let unit = self.source.text(value, "\"angle\", \"length\" or a unit such as \"V\"")?;
             let space = if unit == "angle" { Space::Circle } else { Space::Line };
-            if !["angle", "length"].contains(&unit) {
-                self.unit(value)?;
-            }
+            let counted_in = match unit {
+                "angle" => Unit::default(),
+                "length" => Unit::parse("m").unwrap_or_default(),
+                _ => self.unit(value)?,
+            };
+            self.measures.insert(name.to_owned(), Measure::declared(unit, &counted_in, false));
             out.push((Coordinate { name: name.to_owned(), space }, unit.to_owned()));
             self.words.coordinates.push(name.to_owned());
             self.words.angles.push(space == Space::Circle);
@@ -148,23 +152,34 @@ impl Reader<'_> {
         }
     }
 
+    /// The unit of a name, which is told from then on.
+    fn declared(&mut self, name: &str, value: &Value<'_>, is_parameter: bool) -> Result<Unit> {
+        let unit = self.unit(value)?;
+        let text = value.get_ref().as_str().unwrap_or_default();
+        self.measures.insert(name.to_owned(), Measure::declared(text, &unit, is_parameter));
+        Ok(unit)
+    }
+
     fn parameters(&mut self, top: &DeTable<'_>) -> Result<Vec<Parameter>> {
         let mut out = Vec::new();
         for (name, at, value) in self.table(top, "parameters", "parameters such as { m = \"kg\" }")? {
             self.new_name(at, name)?;
-            out.push(Parameter { name: name.to_owned(), unit: self.unit(value)?, declared: Some(at) });
+            let unit = self.declared(name, value, true)?;
+            out.push(Parameter { name: name.to_owned(), unit, declared: Some(at) });
             self.words.parameters.push(name.to_owned());
         }
         for (name, at, value) in self.table(top, "constants", "constants such as { N = 50 }")? {
             self.new_name(at, name)?;
             let x = self.source.number(value, "a number; what is to be found stands under parameters")?;
             self.words.constants.push((name.to_owned(), x));
+            self.measures.insert(name.to_owned(), Measure::constant(x));
         }
         let w = &self.words;
         if !w.parameters.iter().chain(&w.coordinates).chain(&w.inputs).any(|n| n == "g")
             && !w.constants.iter().any(|c| c.0 == "g")
         {
             let unit = Unit::parse("m/s^2").unwrap_or_default();
+            self.measures.insert("g".to_owned(), Measure::declared("m/s^2", &unit, true));
             out.push(Parameter { name: "g".to_owned(), unit, declared: None });
             self.words.parameters.push("g".to_owned());
         }
@@ -175,7 +190,7 @@ impl Reader<'_> {
         let mut units = Vec::new();
         for (name, at, value) in self.table(top, "inputs", "inputs such as { force = \"N\" }")? {
             self.new_name(at, name)?;
-            units.push(self.unit(value)?);
+            units.push(self.declared(name, value, false)?);
             self.words.inputs.push(name.to_owned());
         }
         Ok(units)
@@ -191,6 +206,7 @@ impl Reader<'_> {
                     let remedy = "Write gravity = \"down\", or where it points: up is \"[0, g]\"";
                     BadInput { expected: expected.to_owned(), remedy: remedy.to_owned(), ..e }
                 })?;
+                self.counted_in(v, "gravity", "m/s^2")?;
                 Ok(Some(Gravity::Along(direction)))
             }
         }
@@ -238,7 +254,7 @@ impl SystemFile {
         let table = source.table()?;
         let top = table.get_ref();
         source.known_keys(top, &[&KEYS[..], &["equation", "format"]].concat(), "a system file")?;
-        let mut r = Reader { source: &source, words: Words::default() };
+        let mut r = Reader::new(&source);
         let name = source.required(top, table.span(), "name", "a name for people")?;
         let name = source.text(name, "a name for people")?.to_owned();
         let coordinates = r.coordinates(top)?;
@@ -252,8 +268,9 @@ impl SystemFile {
         reactions::find(&r, top, &bodies, &mut joints);
         let forces = forces::read(&r, top)?;
         forces::join(&forces, &mut joints);
+        r.one_energy(top)?;
         let sensors = sensors::read(&r, top)?;
-        let quantities = super::mechanism::quantities(&r, top, &parameters)?;
+        let quantities = super::mechanism::quantities(&r, top)?;
         let nominal = r.nominal(top)?;
         let time = top.get("time").map(|v| source.text(v, "\"tau\" or \"s\"")).transpose()?.map(str::to_owned);
         let words = r.words;

@@ -101,30 +101,11 @@ pub fn at(p: &Polynomial, parameters: &[f64]) -> f64 {
     })
 }
 
-/// Unit of an expression of parameters: that of its first product.
-fn unit_of(p: &Polynomial, units: &[Unit]) -> Unit {
-    let mut out = Unit::default();
-    let Some((product, _)) = p.terms().next() else { return out };
-    for (a, n) in product {
-        let unit = match a {
-            Atom::Parameter(k) => units.get(*k).cloned().unwrap_or_default(),
-            Atom::Call(crate::model::model_file::expression::Function::Sqrt, p) => {
-                Unit::default().times(&unit_of(p, units), 0.5)
-            }
-            Atom::Call(crate::model::model_file::expression::Function::Abs, p) | Atom::Sum(p) => unit_of(p, units),
-            _ => Unit::default(),
-        };
-        out = out.times(&unit, f64::from(*n));
-    }
-    out
-}
-
 /// Reads `[quantities]`.
 ///
 /// # Errors
 /// A name that is taken, an expression of something else than parameters.
-pub fn quantities(r: &Reader<'_>, top: &DeTable<'_>, parameters: &[Parameter]) -> Result<Vec<Quantity>> {
-    let units: Vec<Unit> = parameters.iter().map(|p| p.unit.clone()).collect();
+pub fn quantities(r: &Reader<'_>, top: &DeTable<'_>) -> Result<Vec<Quantity>> {
     let mut out: Vec<Quantity> = Vec::new();
     for (name, at, value) in r.table(top, "quantities", "[quantities] with mass = \"M + m\"")? {
         r.new_name(at, name)?;
@@ -135,7 +116,8 @@ pub fn quantities(r: &Reader<'_>, top: &DeTable<'_>, parameters: &[Parameter]) -
                 .bad(value.span().start, format!("the quantity {name}, which is a number"), "parameters in it")
                 .remedy("Declare numbers under constants"));
         }
-        out.push(Quantity { name: name.to_owned(), unit: unit_of(&p, &units), value: p });
+        let unit = r.measured(value, Scope::Parameters)?.into_iter().next().map(|m| m.unit).unwrap_or_default();
+        out.push(Quantity { name: name.to_owned(), unit, value: p });
     }
     Ok(out)
 }

@@ -33,6 +33,7 @@
 //! |---|---|
 //! | [`polynomial`], [`derivative`] | sums of products in a normal form, and their derivatives |
 //! | [`words`] | names, vectors and functions in expressions |
+//! | [`dimensions`] | whether their units agree |
 //! | [`language`], [`reader`] | the file's keys |
 //! | [`points`], [`bodies`], [`joints`], [`forces`], [`sensors`] | what they hold |
 //! | [`reactions`] | what a joint carries, and the force across it |
@@ -46,6 +47,7 @@
 pub mod base_parameters;
 pub mod bodies;
 pub mod derivative;
+pub mod dimensions;
 pub mod equations;
 pub mod forces;
 pub mod joints;

@@ -14,6 +14,7 @@ pub fn read(r: &mut Reader<'_>, top: &DeTable<'_>) -> Result<()> {
     for (name, at, value) in r.table(top, "points", "[points] with base = \"[0, 0]\"")? {
         r.new_name(at, name)?;
         let point = r.vector(value)?;
+        r.counted_in(value, "the point", "m")?;
         r.words.points.push((name.to_owned(), point));
     }
     Ok(())

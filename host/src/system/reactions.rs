@@ -45,7 +45,7 @@ fn shares(r: &Reader<'_>, top: &DeTable<'_>, point: &str) -> Option<Vec<Polynomi
     let displacement = Polynomial::atom(Atom::Parameter(words.parameters.len()));
     words.parameters.push(DISPLACEMENT.to_owned());
     words.points.clear();
-    let mut displaced = Reader { source: r.source, words };
+    let mut displaced = Reader { words, ..Reader::new(r.source) };
     for (name, _, value) in r.table(top, "points", "").ok()? {
         let mut at = displaced.vector(value).ok()?;
         if name == point {

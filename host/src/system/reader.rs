@@ -2,6 +2,7 @@
 
 use toml::de::{DeTable, DeValue};
 
+use super::dimensions::Measures;
 use super::polynomial::Polynomial;
 use super::words::{Scope, Scoped, Value as Word, Words};
 use crate::error::Result;
@@ -18,10 +19,19 @@ pub struct Reader<'a> {
     pub source: &'a Source,
     /// Names declared so far.
     pub words: Words,
+    /// What they are counted in; none of a name whose unit is not known.
+    pub measures: Measures,
 }
 
 /// A key with its value, in the file's order.
 pub type Entry<'a, 'i> = (&'a str, usize, &'a Value<'i>);
+
+impl<'a> Reader<'a> {
+    /// Of a file, without names.
+    pub fn new(source: &'a Source) -> Self {
+        Self { source, words: Words::default(), measures: Measures::new() }
+    }
+}
 
 impl Reader<'_> {
     /// Entries of a table in the order of the file.
@@ -78,7 +88,9 @@ impl Reader<'_> {
             return Ok(Word::Scalar(Polynomial::number(x)));
         }
         let text = self.source.text(value, "an expression in quotes")?;
-        parse(text, &Scoped(&self.words, scope)).map_err(|m| mistake(self.source, value, text, m))
+        let word = parse(text, &Scoped(&self.words, scope)).map_err(|m| mistake(self.source, value, text, m))?;
+        self.measured(value, scope)?;
+        Ok(word)
     }
 
     /// An expression that is a number.

@@ -1,7 +1,8 @@
 //! Plain names of effects and of the parameters of the systems that ship, for people who do not
 //! know the symbols.
 
-/// An effect `ID@PLACE` in plain words: `quadratic drag on arm 2`.
+/// An effect `ID@PLACE` in plain words: `quadratic drag on arm 2`. What a place of somebody's own is,
+/// an angle or a length, its name does not say: words hold for both.
 pub fn effect(name: &str) -> String {
     let Some((id, at)) = name.split_once('@') else { return name.to_owned() };
     let words = id
@@ -18,6 +19,8 @@ pub fn effect(name: &str) -> String {
         .replace(" dependent ", "-dependent ")
         .replace("power law ", "power-law ");
     let letters = at.trim_end_matches(|c: char| c.is_ascii_digit());
+    // Joints of this name are the pendulums'.
+    let words = if id == "torsion-spring" && letters != "joint" { "spring".to_owned() } else { words };
     let number = &at[letters.len()..];
     let numbered = |word: &str| if number.is_empty() { format!("the {word}") } else { format!("{word} {number}") };
     if let ("coupling-stiffness", Some((one, other))) = (id, at.split_once('-')) {
@@ -29,7 +32,8 @@ pub fn effect(name: &str) -> String {
     match letters {
         "joint" => format!("{words} in {}", numbered("joint")),
         "arm" => format!("{words} on {}", numbered("arm")),
-        "encoder" => format!("{words} of {}", numbered("encoder")),
+        "encoder" if id == "eccentricity" => format!("{words} of {}", numbered("encoder")),
+        "encoder" => format!("{words} of {}", numbered("sensor")),
         // The id says of what it is already.
         "drive" | "frame" if words.starts_with(letters) => words,
         "drive" | "frame" => format!("{words} of the {letters}"),
@@ -131,7 +135,10 @@ mod tests {
         for (name, plain) in [
             ("quadratic-drag@arm2", "quadratic drag on arm 2"),
             ("coulomb-friction@joint1", "Coulomb friction in joint 1"),
-            ("zero-offset@encoder2", "zero offset of encoder 2"),
+            ("zero-offset@encoder2", "zero offset of sensor 2"),
+            ("eccentricity@encoder2", "eccentricity of encoder 2"),
+            ("torsion-spring@joint1", "torsion spring in joint 1"),
+            ("torsion-spring@slide", "spring at slide"),
             ("drive-harmonic-2@drive", "drive harmonic 2"),
             ("frame-tilt@frame", "frame tilt"),
             ("amplitude-dependent-damping@q", "amplitude-dependent damping at q"),

@@ -6,6 +6,7 @@
 mod merge;
 mod page;
 mod run;
+mod told;
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};

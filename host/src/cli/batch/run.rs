@@ -13,6 +13,7 @@ use indicatif::ProgressBar;
 
 use super::Of;
 use super::page::Summary;
+use super::told::{Told, is_of_option};
 use crate::batch::journal::{Found, Header, Journal, path_of};
 use crate::batch::row::{Row, WALL};
 use crate::batch::table::{Layout, Table};
@@ -46,6 +47,7 @@ struct Work<'a, C: Single> {
     found: Option<&'a Found>,
     journal: &'a Journal,
     line: &'a ProgressBar,
+    told: Told,
     negative: AtomicUsize,
 }
 
@@ -187,6 +189,7 @@ impl<C: Single> Work<'_, C> {
             self.line.set_message(format!(", {n} negative or failed"));
         }
         self.line.inc(1);
+        self.told.done(&file, &row);
         Ok(row)
     }
 
@@ -224,8 +227,8 @@ impl<C: Single> Work<'_, C> {
 fn misused(rows: &[(usize, Row)]) -> Option<BadInput> {
     let (_, first) = rows.first()?;
     let error = first.text_of("error");
-    let same = |row: &Row| row.integer_of("exit_status") == 2 && row.text_of("error") == error;
-    (error.starts_with("--") && rows.iter().all(|(_, row)| same(row))).then(|| BadInput::new(error, ""))
+    let same = |row: &Row| is_of_option(row) && row.text_of("error") == error;
+    rows.iter().all(|(_, row)| same(row)).then(|| BadInput::new(error, ""))
 }
 
 /// What is told of a batch that a signal ended.
@@ -299,7 +302,8 @@ pub fn run<C: Single>(batch: &Of<C>, matches: Option<&ArgMatches>) -> Result<Ans
     let (journal, found) = open(&batch.out, &header, batch.resume, replace.force)?;
     let all = &records.records;
     let line = progress::of_records(tasks.len() as u64);
-    // This line is all that is shown of the progress.
+    let told = Told::of(tasks.len());
+    // This line, or one for each record, is all that is shown of the progress.
     progress::set_quiet(true);
     let work = Work {
         batch,
@@ -307,6 +311,7 @@ pub fn run<C: Single>(batch: &Of<C>, matches: Option<&ArgMatches>) -> Result<Ans
         found: found.as_ref(),
         journal: &journal,
         line: &line,
+        told,
         negative: AtomicUsize::new(0),
     };
     tell_of_signals(&line, tasks.len());
@@ -316,6 +321,7 @@ pub fn run<C: Single>(batch: &Of<C>, matches: Option<&ArgMatches>) -> Result<Ans
         let _ = std::fs::remove_file(path_of(&batch.out));
         return Err(error);
     }
+    work.told.end();
     let run = header.run(all);
     let rows = rows.into_iter().map(|(index, mut row)| {
         row.integer("format", FORMAT);

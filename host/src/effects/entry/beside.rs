@@ -4,7 +4,6 @@ use super::{Entry, read};
 use crate::error::Result;
 use crate::model::model_file::toml_place::Source;
 use crate::system::language::Reader;
-use crate::system::words::Words;
 
 /// Reads every `[[effect]]` of a file that stands beside others: its ids are its own, and what it
 /// refines or takes from is one of them or among the others.
@@ -16,7 +15,7 @@ pub fn read_beside<'a>(source: &Source, others: impl Iterator<Item = &'a Entry>)
     let others: Vec<&str> = others.map(|e| e.id.as_str()).collect();
     let remedy = "`whirl list effects` prints those that there are";
     let table = source.table()?;
-    let r = Reader { source, words: Words::default() };
+    let r = Reader::new(source);
     for ((t, at), entry) in r.tables(table.get_ref(), "effect")?.into_iter().zip(&own) {
         if others.contains(&entry.id.as_str()) {
             let here = t.get("id").map_or(at, |v| v.span().start);

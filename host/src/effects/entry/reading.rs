@@ -14,7 +14,7 @@ use crate::model::model_file::toml_place::{Source, Value, described};
 use crate::model::model_file::{check_name, mistake};
 use crate::system::language::Reader;
 use crate::system::polynomial::{Atom, Polynomial};
-use crate::system::words::{Value as Word, Words};
+use crate::system::words::Value as Word;
 
 /// Kinds of places by name, and the words of each.
 const PLACES: [(&str, At, &[&str]); 8] = [
@@ -71,7 +71,7 @@ pub fn read(source: &Source) -> Result<Vec<Entry>> {
     let table = source.table()?;
     let top = table.get_ref();
     source.known_keys(top, &["effect", "format"], "an effect file")?;
-    let r = Reader { source, words: Words::default() };
+    let r = Reader::new(source);
     let mut out: Vec<Entry> = Vec::new();
     for (t, at) in r.tables(top, "effect")? {
         let entry = one(&r, t, at, &out)?;

@@ -109,6 +109,12 @@ impl Unit {
         Some(out)
     }
 
+    /// Whether it is of the same kind as another, whatever their sizes; so is what is not known.
+    pub fn agrees(&self, other: &Self) -> bool {
+        let ratio = self.times(other, -1.0).in_base_units();
+        ratio.is_none_or(|r| r.0.iter().all(|(_, power)| power.abs() < 1e-9))
+    }
+
     fn second(power: f64) -> Self {
         Self(vec![("s".to_owned(), power)])
     }
