@@ -239,8 +239,7 @@ impl Survey<'_> {
     }
 
     /// Whether the record moves less from third to third, and in the last less than [`DIED`] of the
-    /// first, by the path that all coordinates go in a sample: what is on no attractor. What nothing
-    /// drives shrinks in every part ([`crate::inspect::standing_line::dies_away`]).
+    /// first, by the path that all coordinates go in a sample: what is on no attractor.
     fn leaves_no_attractor(&self) -> bool {
         let path = |x: &[f64]| x.windows(2).map(|w| (w[1] - w[0]).abs()).sum::<f64>();
         let third = |k: usize| -> f64 {
