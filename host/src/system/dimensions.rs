@@ -117,11 +117,15 @@ fn told(unit: &Unit) -> String {
     if unit.agrees(&Unit::default()) { "a number".to_owned() } else { unit.to_string() }
 }
 
-/// A unit that was calculated, by its usual name where it has one.
-fn by_its_name(unit: &Unit) -> String {
-    let usual = ["J", "N", "N m", "V", "kg", "m/s^2", "N/m"];
-    let named = usual.into_iter().filter_map(Unit::parse).find(|u| u.agrees(unit));
+/// A unit that was calculated, by the one of these names that it has.
+fn by_its_name(unit: &Unit, usual: &[&str]) -> String {
+    let named = usual.iter().filter_map(|name| Unit::parse(name)).find(|u| u.agrees(unit));
     told(named.as_ref().unwrap_or(unit))
+}
+
+/// An energy's unit in a message.
+fn of_energy(unit: &Unit) -> String {
+    by_its_name(unit, &["J"])
 }
 
 /// A number, or the components of a vector.
@@ -279,7 +283,7 @@ impl Reader<'_> {
             let own = scalar(value)?;
             match &energy {
                 Some((unit, whose)) if own.contradicts(unit) => {
-                    return Err(self.in_another(value, name, &own.unit, format!("{} as {whose}", by_its_name(unit))));
+                    return Err(self.in_another(value, name, &own.unit, format!("{} as {whose}", of_energy(unit))));
                 }
                 None if !own.fits_any() => energy = Some((own.unit, name)),
                 _ => {}
@@ -292,9 +296,9 @@ impl Reader<'_> {
             let work = if own.fits_any() { Measure::open() } else { own.times(&displacement, 1.0) };
             match &energy {
                 Some((unit, whose)) if !work.open && !work.unit.agrees(unit) => {
-                    let wanted = by_its_name(&unit.times(&displacement.unit, -1.0));
+                    let wanted = by_its_name(&unit.times(&displacement.unit, -1.0), &["N m", "N", "V"]);
                     let along = described(along.get_ref());
-                    let expected = format!("{wanted}, whose work along {along} is in {} as {whose}", by_its_name(unit));
+                    let expected = format!("{wanted}, whose work along {along} is in {} as {whose}", of_energy(unit));
                     return Err(self.in_another(value, "the force", &own.unit, expected));
                 }
                 None if !work.fits_any() => energy = Some((work.unit, "the work of a force before it")),
