@@ -64,7 +64,7 @@ struct Cli {
     /// Threads to use (0: one for each core). Results do not depend on it.
     #[arg(long, global = true, default_value_t = 0, value_name = "N")]
     threads: usize,
-    /// No progress bars.
+    /// No progress, neither bars nor lines.
     #[arg(long, global = true)]
     quiet: bool,
 }

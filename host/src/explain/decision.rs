@@ -325,7 +325,8 @@ pub(super) fn choose(
     };
     audit.refused = field.refusals(&order, &feigned);
     if winner.is_none() {
-        audit.refused.extend(field.with_the_other_sign(&order));
+        let feigned = |s: &Score| feigned_by_sensors(s.index, &s.fit);
+        audit.refused.extend(field.with_the_other_sign(&order, &feigned));
     }
     let trial = field.on_trial(&order).filter(|s| winner.is_none_or(|w| w.index != s.index));
     if let Some(strongest) = trial {

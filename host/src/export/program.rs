@@ -325,15 +325,21 @@ fn constants(motion: &Motion, names: &mut Names) -> Result<Vec<Constant>> {
         let found = &effect.identified;
         // What enters as the effect's value does has its unit; else it is divided by others.
         let is_value = same(strength.value, found.value);
+        let is_all = strength.name.is_empty();
         let physical = format!("{} {}", rounded(found.value), if found.unit == "1" { "" } else { &found.unit });
+        let physical = match (is_value, is_all) {
+            (true, _) => String::new(),
+            (false, true) => format!(" ({})", physical.trim_end()),
+            (false, false) => format!(" (of the effect as a whole: {})", physical.trim_end()),
+        };
         out.push(Constant {
             name: names.give(&own),
             value: strength.value,
-            about: format!("strength of {} ({}), as it enters the equations", effect.name(), physical.trim_end()),
+            about: format!("strength of {}{physical}, as it enters the equations", effect.name()),
             own,
             std_error: strength_error(motion, effect),
             unit: if is_value { found.unit.clone() } else { AS_IT_ENTERS.to_owned() },
-            stands_for: (!is_value).then(|| found.clone()),
+            stands_for: (!is_value && is_all).then(|| found.clone()),
         });
     }
     match out.iter().find(|c| !c.value.is_finite()) {

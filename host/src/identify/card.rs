@@ -14,6 +14,8 @@ use crate::wording::format::{Z95, count, significant};
 use crate::wording::names;
 use crate::wording::symbols::symbol_plain;
 
+/// How an identification without fault ends.
+const DESCRIBE: &str = "and its equations describe the record";
 /// Parameters up to which the precision of all is told, not that of half of them.
 const FEW: usize = 3;
 
@@ -120,7 +122,7 @@ fn by_residuals(result: &Identification) -> &'static str {
     } else if result.identification_error.iter().any(|e| *e > ERROR_BOUND) {
         "and its equations leave no more of the record than the sensors' noise explains"
     } else {
-        "and its equations describe the record"
+        DESCRIBE
     }
 }
 

@@ -176,7 +176,7 @@ pub fn identify(records: &[RowsRecord], rig: &Rig) -> Result<Identification> {
             format!("nothing in the rows that determines {}", model.equations[equation].terms[column].name),
             "motion in which every term of the equations takes part",
         )
-        .remedy("Is an arm at rest, does the shaker run?"),
+        .remedy("Is a coordinate at rest, does the drive run?"),
         Unsolvable::NotFinite => BadInput::new("a value too large to compute with", "rows of a rig that moves"),
     })?;
     if solution.repeating {

@@ -131,7 +131,8 @@ pub struct Identification {
     pub method: String,
     /// Parameters: coefficients in the order of (3.4), then physical ones.
     pub parameters: Vec<Parameter>,
-    /// ε = ‖e‖∞/‖q̂‖∞ of each equation.
+    /// ε = ‖e‖∞/‖q̂‖∞ of each equation; with the weak form's own coefficients where the balance of a
+    /// coarse record is off with those of multiple shooting, which follows it.
     pub identification_error: Vec<f64>,
     /// Balance equations used.
     pub equations_used: usize,

@@ -148,8 +148,8 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
 }
 
 /// Whether every angle's span in the last sixth of the record is below half of that in the first: a
-/// motion may grow less so while something drives it, and is not for that one that dies away from
-/// part to part ([`crate::inspect::standing_line::dies_away`]).
+/// driven motion may grow less too, so that this says less than
+/// [`crate::inspect::standing_line::dies_away`].
 fn grows_less(record: &Record) -> bool {
     let span = |part: &[f64]| {
         let ends = part.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), x| (a.min(*x), b.max(*x)));

@@ -18,7 +18,7 @@ use whirl_shared::excitation::Law;
 
 use super::motion::{Motion, Space};
 use crate::record::Record;
-use crate::rig::Direction;
+use crate::rig::{Direction, Drive};
 use crate::signal::spectrum::{self, Density};
 use crate::statistics::median;
 
@@ -67,16 +67,34 @@ pub fn phase_frequency(record: &Record) -> Option<f64> {
     Some(turns / (f64::from(steps.max(1)) * segment.step_s))
 }
 
-/// What is looked at of one coordinate's stretch, see the head of this file. Of numbers that are no
-/// angles x and x²: what drives them may be a force or move with them.
-pub fn observables(motion: &Motion, stretch: usize, rate_hz: f64, direction: Direction) -> Vec<Vec<f64>> {
+/// Checks the stated frequency against the motions of one stretch. A force has its line in a number
+/// itself, whatever direction is stated: that is looked for where x² shows none. A line that a number
+/// has elsewhere may be its own.
+pub fn of(record: &Record, motions: &[Motion], stretch: usize, rate_hz: f64, drive: &Drive) -> DriveCheck {
+    let checked = |direction: Direction, all: bool| {
+        let chosen = motions.iter().filter(|m| all || m.space == Space::R);
+        let series: Vec<Vec<f64>> = chosen.flat_map(|m| observables(m, stretch, rate_hz, direction)).collect();
+        check(record, &series, rate_hz, drive.frequency_hz)
+    };
+    let found = checked(drive.direction, true);
+    if found.agrees == Some(true) || drive.direction == Direction::Horizontal {
+        return found;
+    }
+    let forced = checked(Direction::Horizontal, false);
+    if forced.agrees == Some(true) { forced } else { found }
+}
+
+/// What is looked at of one coordinate's stretch, see the head of this file. Numbers that are no
+/// angles: x² or x.
+fn observables(motion: &Motion, stretch: usize, rate_hz: f64, direction: Direction) -> Vec<Vec<f64>> {
     let Some(x) = motion.stretches.get(stretch) else { return Vec::new() };
     let v = || motion.increments(rate_hz).into_iter().nth(stretch).unwrap_or_default();
     let squared = |x: &[f64]| x.iter().map(|x| x * x).collect();
     match (motion.space, direction) {
         (Space::S1, Direction::Vertical) => vec![squared(&v()), x.iter().map(|x| x.cos()).collect()],
         (Space::S1, Direction::Horizontal) => vec![v(), x.iter().map(|x| x.sin()).collect()],
-        (Space::R, _) => vec![x.clone(), squared(x)],
+        (Space::R, Direction::Vertical) => vec![squared(x)],
+        (Space::R, Direction::Horizontal) => vec![x.clone()],
     }
 }
 

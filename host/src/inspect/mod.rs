@@ -202,11 +202,8 @@ pub fn motion_of(record: &Record, rig: &Rig, settings: &InspectSettings) -> Resu
             }
         })
         .collect();
-    let drive = rig.drive.filter(|_| !drive_check::glides(record)).map(|d| {
-        let series: Vec<Vec<f64>> =
-            motions.iter().flat_map(|m| drive_check::observables(m, longest, rate, d.direction)).collect();
-        drive_check::check(record, &series, rate, d.frequency_hz)
-    });
+    let steady = rig.drive.filter(|_| !drive_check::glides(record));
+    let drive = steady.map(|d| drive_check::of(record, &motions, longest, rate, &d));
     let start_s = drive_hz.map_or(settings.start_free_s, |f| settings.start_periods / f);
     let plots = motions.iter().zip(&coordinates).map(|(m, c)| plots::plots(record, m, c, drive_hz, start_s)).collect();
     let summary = summary::summarise(whole, rig);

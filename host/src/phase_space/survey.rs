@@ -240,7 +240,7 @@ impl Survey<'_> {
 
     /// Whether the record moves less from third to third, and in the last less than [`DIED`] of the
     /// first, by the path that all coordinates go in a sample: what is on no attractor.
-    fn leaves_no_attractor(&self) -> bool {
+    fn keeps_to_no_attractor(&self) -> bool {
         let path = |x: &[f64]| x.windows(2).map(|w| (w[1] - w[0]).abs()).sum::<f64>();
         let third = |k: usize| -> f64 {
             let of = |c: &MovingCoordinate<'_>| {
@@ -262,7 +262,7 @@ impl Survey<'_> {
         let phase = self.period.map(|t| phase_of(stretches, t));
         let state = JointState { coordinates: self.observables.iter().collect(), phase: phase.as_ref() };
         // What dies away keeps to no attractor: neighbours part for good, or not at all.
-        out.dies_away = self.period.is_none() && self.leaves_no_attractor();
+        out.dies_away = self.period.is_none() && self.keeps_to_no_attractor();
         if !out.dies_away {
             out.lyapunov = survey_exponent::lyapunov(&state, self.period, out, self.rate);
         }

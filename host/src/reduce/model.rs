@@ -328,7 +328,10 @@ fn remark_warning(r: &Release) -> Warning {
     let mut what: Vec<String> = Vec::new();
     for remark in &r.remarks {
         what.push(match *remark {
-            "off-mode" => format!("leaves {:.1} % that is not periodic: it is off the mode", 100.0 * r.residual),
+            "off-mode" => format!(
+                "leaves {:.1} % beyond the sensors' noise that is not periodic: it is off the mode",
+                100.0 * r.beyond_noise
+            ),
             "unstable" => {
                 format!("lies where the mode is unstable (Floquet multiplier {:.2})", r.floquet.unwrap_or(f64::NAN))
             }

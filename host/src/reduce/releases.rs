@@ -64,6 +64,9 @@ pub struct Release {
     pub frequency_std_error: f64,
     /// What harmonics of one frequency leave, relative to the motion.
     pub residual: f64,
+    /// The same beyond the sensors' noise.
+    #[serde(skip)]
+    pub beyond_noise: f64,
     /// Even harmonics relative to odd ones.
     pub even_harmonics: f64,
     /// Parts out of phase relative to those in phase.
@@ -239,7 +242,7 @@ pub fn entries(gathered: &Gathered, major: &[f64]) -> Vec<Entry> {
         let whole = Entry::new(release, false, fit, noise);
         if whole.beyond_noise >= PERIODIC {
             let windows = decay::windows(&channels, gathered.step, whole.fit.omega, major);
-            // Where a decay is lost in the noise it tells nothing.
+            // Where noise alone would be as much as what is off a mode, a decay tells nothing.
             let heard = windows.into_iter().take_while(|w| share_of(noise, w) < PERIODIC);
             let windows: Vec<Entry> = heard.map(|fit| Entry::new(release, true, fit, noise)).collect();
             let amplitude = |e: &Entry| e.fit.cosine[1].iter().zip(major).map(|(x, p)| x * p).sum::<f64>().abs();
@@ -286,6 +289,7 @@ pub fn describe(gathered: &Gathered, entry: &Entry, major: &[f64]) -> Release {
         frequency_hz: fit.omega / per_turn,
         frequency_std_error: fit.omega_error / per_turn,
         residual: fit.residual,
+        beyond_noise: *beyond_noise,
         even_harmonics: fit.even_share(),
         out_of_phase: fit.sine_share(),
         floquet: None,

@@ -1,8 +1,8 @@
 //! The sensors' noise and the frequency above which a record holds nothing else.
 //!
 //! The power spectral density of the angle is estimated from its second difference (which whirling
-//! leaves stationary), S_φ(f) = S_ΔΔφ(f) / |2 sin(π f Δt)|⁴, averaged over Hann windows with half
-//! overlap (Welch, 1967) that reach to both ends. Noise of encoders is close to white, so that its level is the median of
+//! leaves stationary), S_φ(f) = S_ΔΔφ(f) / |2 sin(π f Δt)|⁴, averaged over Hann windows that overlap
+//! by half and reach to both ends (Welch 1967). Noise of encoders is close to white, so that its level is the median of
 //! S_φ over the top of the band, over what the median of such an estimate is beside its mean ((1 −
 //! 2/9ν)³ for χ² of ν degrees of freedom, Wilson and Hilferty 1931: 0.89 for three windows); the
 //! signal ends where S_φ, averaged over a few bins, last exceeds that level by a factor.
@@ -112,8 +112,8 @@ pub fn estimate<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: 
     })
 }
 
-/// Where windows of some samples begin in a stretch, so that they lie evenly over all of it, at most a
-/// stride apart: one in its middle where it is little longer.
+/// Where windows of some samples begin in a stretch, so that they lie evenly over all of it, at most
+/// a stride apart: one in its middle where it is little longer.
 fn starts(samples: usize, size: usize, stride: usize) -> Vec<usize> {
     let Some(last) = samples.checked_sub(size + 2) else { return Vec::new() };
     if 2 * last < stride {

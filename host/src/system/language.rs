@@ -4,7 +4,7 @@ use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
 use super::bodies::{self, Body};
-use super::dimensions::Measure;
+use super::dimensions::{Measure, Role};
 use super::forces::{self, Force};
 use super::joints::{self, Joint};
 use super::mechanism::Quantity;
@@ -126,7 +126,7 @@ impl Reader<'_> {
                 "length" => Unit::parse("m").unwrap_or_default(),
                 _ => self.unit(value)?,
             };
-            self.measures.insert(name.to_owned(), Measure::declared(unit, &counted_in, false));
+            self.measures.insert(name.to_owned(), Measure::declared(unit, &counted_in, Role::Coordinate));
             out.push((Coordinate { name: name.to_owned(), space }, unit.to_owned()));
             self.words.coordinates.push(name.to_owned());
             self.words.angles.push(space == Space::Circle);
@@ -153,10 +153,10 @@ impl Reader<'_> {
     }
 
     /// The unit of a name, which is told from then on.
-    fn declared(&mut self, name: &str, value: &Value<'_>, is_parameter: bool) -> Result<Unit> {
+    fn declared(&mut self, name: &str, value: &Value<'_>, role: Role) -> Result<Unit> {
         let unit = self.unit(value)?;
         let text = value.get_ref().as_str().unwrap_or_default();
-        self.measures.insert(name.to_owned(), Measure::declared(text, &unit, is_parameter));
+        self.measures.insert(name.to_owned(), Measure::declared(text, &unit, role));
         Ok(unit)
     }
 
@@ -164,7 +164,7 @@ impl Reader<'_> {
         let mut out = Vec::new();
         for (name, at, value) in self.table(top, "parameters", "parameters such as { m = \"kg\" }")? {
             self.new_name(at, name)?;
-            let unit = self.declared(name, value, true)?;
+            let unit = self.declared(name, value, Role::Parameter)?;
             out.push(Parameter { name: name.to_owned(), unit, declared: Some(at) });
             self.words.parameters.push(name.to_owned());
         }
@@ -179,7 +179,7 @@ impl Reader<'_> {
             && !w.constants.iter().any(|c| c.0 == "g")
         {
             let unit = Unit::parse("m/s^2").unwrap_or_default();
-            self.measures.insert("g".to_owned(), Measure::declared("m/s^2", &unit, true));
+            self.measures.insert("g".to_owned(), Measure::declared("m/s^2", &unit, Role::Parameter));
             out.push(Parameter { name: "g".to_owned(), unit, declared: None });
             self.words.parameters.push("g".to_owned());
         }
@@ -190,7 +190,7 @@ impl Reader<'_> {
         let mut units = Vec::new();
         for (name, at, value) in self.table(top, "inputs", "inputs such as { force = \"N\" }")? {
             self.new_name(at, name)?;
-            units.push(self.declared(name, value, false)?);
+            units.push(self.declared(name, value, Role::Input)?);
             self.words.inputs.push(name.to_owned());
         }
         Ok(units)

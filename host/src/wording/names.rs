@@ -1,8 +1,8 @@
 //! Plain names of effects and of the parameters of the systems that ship, for people who do not
 //! know the symbols.
 
-/// An effect `ID@PLACE` in plain words: `quadratic drag on arm 2`. What a place of somebody's own is,
-/// an angle or a length, its name does not say: words hold for both.
+/// An effect `ID@PLACE` in plain words: `quadratic drag on arm 2`. Whether somebody's own place is an
+/// angle or a length its name does not say: words hold for both.
 pub fn effect(name: &str) -> String {
     let Some((id, at)) = name.split_once('@') else { return name.to_owned() };
     let words = id
@@ -32,7 +32,6 @@ pub fn effect(name: &str) -> String {
     match letters {
         "joint" => format!("{words} in {}", numbered("joint")),
         "arm" => format!("{words} on {}", numbered("arm")),
-        "encoder" if id == "eccentricity" => format!("{words} of {}", numbered("encoder")),
         "encoder" => format!("{words} of {}", numbered("sensor")),
         // The id says of what it is already.
         "drive" | "frame" if words.starts_with(letters) => words,
@@ -136,7 +135,7 @@ mod tests {
             ("quadratic-drag@arm2", "quadratic drag on arm 2"),
             ("coulomb-friction@joint1", "Coulomb friction in joint 1"),
             ("zero-offset@encoder2", "zero offset of sensor 2"),
-            ("eccentricity@encoder2", "eccentricity of encoder 2"),
+            ("eccentricity@encoder2", "eccentricity of sensor 2"),
             ("torsion-spring@joint1", "torsion spring in joint 1"),
             ("torsion-spring@slide", "spring at slide"),
             ("drive-harmonic-2@drive", "drive harmonic 2"),

@@ -1,7 +1,5 @@
 //! Why candidates are not taken, and its words.
 
-use rayon::prelude::*;
-
 use super::{Field, NEAR, OF_A_FAMILY, Score};
 use crate::explain::explanation::{BY_CHANCE, Refused};
 use crate::wording::format::significant;
@@ -36,18 +34,19 @@ impl Field<'_> {
 
     /// The same of those that a fit held at nothing, because they come out with the sign of no such
     /// law, and that with this sign would be taken.
-    pub(super) fn with_the_other_sign(&self, order: &[&Score]) -> Vec<Refused> {
-        let held: Vec<&Score> = order.iter().filter(|s| self.feeds(s) && s.p >= NEAR).copied().collect();
-        let free = |s: &Score| {
+    pub(super) fn with_the_other_sign(&self, order: &[&Score], feigned: &dyn Fn(&Score) -> bool) -> Vec<Refused> {
+        let held = order.iter().filter(|s| self.feeds(s) && s.p >= NEAR);
+        let free = |s: &&Score| {
             let (from, d) = self.places[s.index];
             let columns: Vec<usize> = self.own.iter().copied().chain(from..from + d).collect();
             let free = Score::new(s.index, d, self.evidence.fit_of_either_sign(&columns, d)?, &self.plain);
             let is_clear = free.p * self.tests() < OF_A_FAMILY && self.stands(&free) && self.feeds(&free);
-            is_clear.then_some((free.gain, Refused::new(self.name(s), below_nothing(self.share(&free)))))
+            is_clear.then_some(free)
         };
-        let mut found: Vec<(f64, Refused)> = held.into_par_iter().filter_map(free).collect();
-        found.sort_by(|a, b| b.0.total_cmp(&a.0));
-        found.into_iter().map(|(_, refused)| refused).take(MOST_REFUSED).collect()
+        let mut found: Vec<Score> = held.filter_map(free).filter(|s| !feigned(s)).collect();
+        found.sort_by(|a, b| b.gain.total_cmp(&a.gain));
+        let told = |s: &Score| Refused::new(self.name(s), below_nothing(self.share(s)));
+        found.iter().map(told).take(MOST_REFUSED).collect()
     }
 
     /// Share of the held-out residual power that a candidate takes away.

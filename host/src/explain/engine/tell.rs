@@ -253,7 +253,7 @@ fn rounded(setting: &Setting<'_>, c: &Candidate, offset: &Reported) -> Option<&'
     Some(
         "it is half a count, as of counts that were made by rounding an angle; here a count c says that the angle lies \
          between c and c + 1. Cut instead of rounding, or record the angle itself (unit = \"rad\"); if a counter made \
-         them, let the arms hang at rest and read it",
+         them, let everything come to rest and read it",
     )
 }
 
