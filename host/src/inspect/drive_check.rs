@@ -197,6 +197,36 @@ mod tests {
         assert!((hz - 5.0).abs() < 1e-6, "{hz}");
     }
 
+    /// A number that a force moves has the line in itself, whatever direction the file states; its own
+    /// line elsewhere says nothing against the file.
+    #[test]
+    fn a_force_has_its_line_in_a_number_itself() {
+        let agrees = |forced: f64, direction: Direction| {
+            let mut state = 1_u32;
+            let mut noise = move || {
+                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+                f64::from(state >> 8) / f64::from(1 << 24) - 0.5
+            };
+            let turn = core::f64::consts::TAU;
+            let at = |t: f64| (turn * 1.37 * t + 2.0 * (0.3 * t).sin()).sin() + forced * (turn * t).cos();
+            let x = (0..12_000).map(|i| at(0.05 * f64::from(i)) + 0.3 * noise()).collect();
+            let motion = Motion {
+                name: "x".to_owned(),
+                unit: "m".to_owned(),
+                space: Space::R,
+                derived: false,
+                step: 0.0,
+                quantisation_noise: 0.0,
+                stretches: vec![x],
+            };
+            let drive = Drive { direction, frequency_hz: 1.0, amplitude_m: None };
+            of(&Record::default(), &[motion], 0, 20.0, &drive).agrees
+        };
+        assert_eq!(agrees(1.0, Direction::Vertical), Some(true));
+        assert_eq!(agrees(1.0, Direction::Horizontal), Some(true));
+        assert_eq!(agrees(0.0, Direction::Vertical), None);
+    }
+
     #[test]
     fn names_harmonics_and_sub_harmonics() {
         assert_eq!(name(5.01, 5.0, 0.02, 4).as_deref(), Some("f_e"));

@@ -101,7 +101,7 @@ fn a_unit_that_is_not_written_may_be_any() {
         // A coefficient of one is not written.
         ("- k*x", "- x - k*x"),
         ("- k*x", "+ x - x^3 - k*x"),
-        ("force - k*x", "force - 0.05*x' - x^3"),
+        ("force - k*x", "force - 0.05*x' - x^3 - k*x"),
         ("- k*x", "- k*x*(1 + 2*x)"),
         ("- k*x", "- k*(2*x + 1)*x"),
         ("- k*x", "- k*x*(1 - 3*x^2)"),

@@ -33,8 +33,8 @@ static const double B24 = 8e-6;  // no unit; standard error 3.8e-5
 static const double C2 = 0.0485;  // no unit; standard error 1.1e-5
 static const double quadratic_drag_arm2 = 0.00496;  // strength of quadratic-drag@arm2 (2e-7 N m s²), as it enters the equations
 static const double viscous_friction_joint1 = 0.0496;  // strength of viscous-friction@joint1 (2e-6 N m s), as it enters the equations
-static const double cogging_joint1_C = 1.3;  // strength of cogging@joint1 (9e-5 N m), as it enters the equations
-static const double cogging_joint1_S = -1.8;  // strength of cogging@joint1 (9e-5 N m), as it enters the equations
+static const double cogging_joint1_C = 1.3;  // strength of cogging@joint1 (of the effect as a whole: 9e-5 N m), as it enters the equations
+static const double cogging_joint1_S = -1.8;  // strength of cogging@joint1 (of the effect as a whole: 9e-5 N m), as it enters the equations
 
 // Sign of x, 0 at 0.
 static double sign(double x) { return (double)((x > 0.0) - (x < 0.0)); }

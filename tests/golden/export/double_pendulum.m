@@ -56,8 +56,8 @@ function dx = right_hand_side(t, x, u, held)
   C2 = 0.0485;  % no unit; standard error 1.1e-5
   quadratic_drag_arm2 = 0.00496;  % strength of quadratic-drag@arm2 (2e-7 N m s²), as it enters the equations
   viscous_friction_joint1 = 0.0496;  % strength of viscous-friction@joint1 (2e-6 N m s), as it enters the equations
-  cogging_joint1_C = 1.3;  % strength of cogging@joint1 (9e-5 N m), as it enters the equations
-  cogging_joint1_S = -1.8;  % strength of cogging@joint1 (9e-5 N m), as it enters the equations
+  cogging_joint1_C = 1.3;  % strength of cogging@joint1 (of the effect as a whole: 9e-5 N m), as it enters the equations
+  cogging_joint1_S = -1.8;  % strength of cogging@joint1 (of the effect as a whole: 9e-5 N m), as it enters the equations
 
   phi1 = x(1);  % rad
   phi2 = x(2);  % rad

@@ -33,8 +33,8 @@ model double_pendulum "double pendulum on a shaker"
   parameter Real C2 = 0.0485 "no unit; standard error 1.1e-5";
   parameter Real quadratic_drag_arm2 = 0.00496 "strength of quadratic-drag@arm2 (2e-7 N m s²), as it enters the equations";
   parameter Real viscous_friction_joint1 = 0.0496 "strength of viscous-friction@joint1 (2e-6 N m s), as it enters the equations";
-  parameter Real cogging_joint1_C = 1.3 "strength of cogging@joint1 (9e-5 N m), as it enters the equations";
-  parameter Real cogging_joint1_S = -1.8 "strength of cogging@joint1 (9e-5 N m), as it enters the equations";
+  parameter Real cogging_joint1_C = 1.3 "strength of cogging@joint1 (of the effect as a whole: 9e-5 N m), as it enters the equations";
+  parameter Real cogging_joint1_S = -1.8 "strength of cogging@joint1 (of the effect as a whole: 9e-5 N m), as it enters the equations";
   Real phi1(start = 1.0, fixed = true) "rad";
   Real v_phi1(start = 0.0, fixed = true) "rad/s";
   Real phi1_tau "d phi1/d tau";

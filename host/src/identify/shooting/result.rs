@@ -218,6 +218,20 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_coarse_records_balance_is_that_of_the_weak_forms_own_coefficients() {
+        let error = |found: f64, own: f64, worst: f64| {
+            let mut result = Identification { identification_error: vec![found], ..Identification::default() };
+            result.details.expected_error = vec![0.05];
+            as_balanced(result, (vec![own], Vec::new()), worst).identification_error[0]
+        };
+        assert_eq!(error(0.13, 0.054, 1.0), 0.054);
+        // Not where solutions miss more than noise, nor where both do, nor without need.
+        assert_eq!(error(0.13, 0.054, 1.3), 0.13);
+        assert_eq!(error(0.13, 0.12, 1.0), 0.13);
+        assert_eq!(error(0.052, 0.050, 1.0), 0.052);
+    }
+
+    #[test]
     fn residuals_are_more_than_noise_where_that_is_known_well_enough() {
         // Of 421 samples the noise's square is known to 16 %, of a long record to 1 %.
         assert!(!is_more(1.27, 0.164, 256) && is_more(1.5, 0.164, 256));
