@@ -9,7 +9,7 @@ pub mod correlation_dimension;
 pub mod embedding;
 pub mod false_nearest_neighbours;
 pub mod free_orbit;
-mod local_sheet;
+pub mod local_sheet;
 pub mod lyapunov_exponent;
 pub mod model_exponent;
 pub mod neighbours;
