@@ -328,8 +328,7 @@ fn constants(motion: &Motion, names: &mut Names) -> Result<Vec<Constant>> {
         let is_all = strength.name.is_empty();
         let physical = format!("{} {}", rounded(found.value), if found.unit == "1" { "" } else { &found.unit });
         let physical = match (is_value, is_all) {
-            (true, _) if found.unit == "1" => String::new(),
-            (true, _) => format!(" in {}", found.unit),
+            (true, _) => String::new(),
             (false, true) => format!(" ({})", physical.trim_end()),
             (false, false) => format!(" (of the effect as a whole: {})", physical.trim_end()),
         };

@@ -20,7 +20,7 @@ static const double c = 0.3999;  // N s/m; standard error 2.2e-4
 static const double k_ = 40.01;  // N/m; standard error 1.2e-3
 static const double k3 = 59.98;  // N/m³; standard error 6.5e-3
 static const double F_v = 0.21;  // N; standard error not known
-static const double cubic_stiffness_x = 1.5;  // strength of cubic-stiffness@x in N/m³, as it enters the equations
+static const double cubic_stiffness_x = 1.5;  // strength of cubic-stiffness@x, as it enters the equations
 
 // dx/dt at time t (s) for the state x = [x_, v_x] and inputs u = [force].
 void f(double t, const double x[], const double u[], double dx[]) {

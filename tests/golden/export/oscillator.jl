@@ -13,7 +13,7 @@ const c = 0.3999  # N s/m; standard error 2.2e-4
 const k = 40.01  # N/m; standard error 1.2e-3
 const k3 = 59.98  # N/m³; standard error 6.5e-3
 const F_v = 0.21  # N; standard error not known
-const cubic_stiffness_x = 1.5  # strength of cubic-stiffness@x in N/m³, as it enters the equations
+const cubic_stiffness_x = 1.5  # strength of cubic-stiffness@x, as it enters the equations
 
 const N = 1  # coordinates
 

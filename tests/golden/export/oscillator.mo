@@ -13,7 +13,7 @@ model oscillator "Duffing's oscillator, \"stiff\""
   parameter Real k = 40.01 "N/m; standard error 1.2e-3";
   parameter Real k3 = 59.98 "N/m³; standard error 6.5e-3";
   parameter Real F_v = 0.21 "N; standard error not known";
-  parameter Real cubic_stiffness_x = 1.5 "strength of cubic-stiffness@x in N/m³, as it enters the equations";
+  parameter Real cubic_stiffness_x = 1.5 "strength of cubic-stiffness@x, as it enters the equations";
   Real x(start = 0.1, fixed = true) "SI unit";
   Real v_x(start = 0.0, fixed = true) "SI unit/s";
   Real force = 0.0 "SI unit; input, change it to your needs";

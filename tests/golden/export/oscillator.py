@@ -16,7 +16,7 @@ c = 0.3999  # N s/m; standard error 2.2e-4
 k = 40.01  # N/m; standard error 1.2e-3
 k3 = 59.98  # N/m³; standard error 6.5e-3
 F_v = 0.21  # N; standard error not known
-cubic_stiffness_x = 1.5  # strength of cubic-stiffness@x in N/m³, as it enters the equations
+cubic_stiffness_x = 1.5  # strength of cubic-stiffness@x, as it enters the equations
 
 N = 1  # coordinates
 
