@@ -2,10 +2,11 @@
 //!
 //! The power spectral density of the angle is estimated from its second difference (which whirling
 //! leaves stationary), S_φ(f) = S_ΔΔφ(f) / |2 sin(π f Δt)|⁴, averaged over Hann windows that overlap
-//! by half and reach to both ends (Welch 1967). Noise of encoders is close to white, so that its level is the median of
-//! S_φ over the top of the band, over what the median of such an estimate is beside its mean ((1 −
-//! 2/9ν)³ for χ² of ν degrees of freedom, Wilson and Hilferty 1931: 0.89 for three windows); the
-//! signal ends where S_φ, averaged over a few bins, last exceeds that level by a factor.
+//! by half and reach to both ends of a short record (Welch 1967). Noise of encoders is close to
+//! white, so that its level is the median of S_φ over the top of the band, over what the median of
+//! such an estimate is beside its mean ((1 − 2/9ν)³ for χ² of ν degrees of freedom, Wilson and
+//! Hilferty 1931: 0.89 for three windows); the signal ends where S_φ, averaged over a few bins, last
+//! exceeds that level by a factor.
 
 use realfft::RealFftPlanner;
 
@@ -112,10 +113,14 @@ pub fn estimate<'a>(stretches: impl Iterator<Item = &'a [f64]> + Clone, step_s: 
     })
 }
 
-/// Where windows of some samples begin in a stretch, so that they lie evenly over all of it, at most
-/// a stride apart: one in its middle where it is little longer.
+/// Where windows of some samples begin in a stretch: a stride apart where that leaves out at most an
+/// eighth of it at its end; otherwise evenly over all of it, at most a stride apart, and one in its
+/// middle where it is little longer.
 fn starts(samples: usize, size: usize, stride: usize) -> Vec<usize> {
     let Some(last) = samples.checked_sub(size + 2) else { return Vec::new() };
+    if 8 * (last % stride) <= samples {
+        return (0..=last / stride).map(|i| i * stride).collect();
+    }
     if 2 * last < stride {
         return vec![last / 2];
     }
@@ -197,7 +202,8 @@ mod tests {
         assert_eq!(starts(767, 512, 256), [0, 253]);
         assert_eq!(starts(2050, 2048, 1024), [0]);
         assert!(starts(513, 512, 256).is_empty());
-        assert_eq!(starts(30_000, 2048, 1024).last(), Some(&27_950));
+        assert_eq!(starts(30_000, 2048, 1024).last(), Some(&27_648));
+        assert_eq!(starts(560, 512, 256), [0]);
     }
 
     /// Noise that falls along a record counts as much as it lasts.
