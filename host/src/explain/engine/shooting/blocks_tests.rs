@@ -40,6 +40,9 @@ fn a_coefficient_of_the_wrong_sign_is_held_at_zero() {
     assert_eq!(kept.all[1], 0.0);
     assert!((kept.all[0] - without.all[0]).abs() < 1e-12, "{}", kept.all);
     assert!(kept.covariance[(1, 1)] > 0.0 && kept.held_out.iter().sum::<f64>() > 0.1);
+    // Of either sign where that is asked of the last.
+    let either = blocks([1.0, 1.0, 0.0]).fit_of_either_sign(&[0, 2, 1], 1).unwrap();
+    assert!((either.all[2] + 1.0).abs() < 0.01, "{}", either.all);
     // The same about other coefficients: the target is what these leave.
     let about = [1.5, 0.4, 0.9];
     let moved: Vec<Vec<Part>> =
