@@ -1,6 +1,8 @@
 //! The battery of hidden effects: how often what is hidden is what is named, and how often
 //! something is named where nothing is hidden.
-//! `cargo run --release -p whirl-tests --example explain_battery -- RESULTS.csv [SEEDS] [FILTER]`.
+//! `cargo run --release -p whirl-tests --example explain_battery -- RESULTS.csv [SEEDS] [FILTER]
+//! [RIG]`. `RIG` is the file of `rigs/` that explains, `chaotic.toml` unless said otherwise;
+//! `double-pendulum-model-file.toml` states the same equations as a model file.
 //! Results are appended as they come; what is in the file already is not run again, so that a long
 //! battery may be interrupted.
 
@@ -17,6 +19,7 @@ fn main() {
     let path = arguments.first().expect("a file for the results").clone();
     let seeds: u64 = arguments.get(1).and_then(|s| s.parse().ok()).unwrap_or(1);
     let filter = arguments.get(2).cloned().unwrap_or_default();
+    let rig = arguments.get(3).cloned().unwrap_or_else(|| "chaotic.toml".to_owned());
     let done: BTreeMap<String, String> = std::fs::read_to_string(&path)
         .unwrap_or_default()
         .lines()
@@ -31,7 +34,7 @@ fn main() {
         .map(|case| {
             let name = case.name();
             let line = done.get(&name).cloned().unwrap_or_else(|| {
-                let line = line(&case, &Said::of(&case, &case.explain()));
+                let line = line(&case, &Said::of(&case, &case.explained_by(&rig)));
                 let mut file = file.lock().expect("no writer panicked");
                 writeln!(file, "{name}\t{line}").expect("the file can be written");
                 line

@@ -136,15 +136,29 @@ impl Case {
     /// # Panics
     /// Where a record cannot be simulated, written or read: the battery is a test.
     pub fn explain(&self) -> Explanation {
-        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs/chaotic.toml");
-        let text = self.kind.text(&std::fs::read_to_string(&path).unwrap(), self.counts);
-        let rig = Rig::parse(&text, &path).unwrap();
+        self.explained_by("chaotic.toml")
+    }
+
+    /// Simulates the record by `rigs/chaotic.toml` and explains it by another file of that folder,
+    /// which states the same rig (its equations as a model file, for example).
+    ///
+    /// # Panics
+    /// As [`Self::explain`].
+    pub fn explained_by(&self, file: &str) -> Explanation {
+        let stated = self.rig(file);
+        let rig = self.rig("chaotic.toml");
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("record.parquet");
         let quiet = indicatif::ProgressBar::hidden();
         whirl::simulate::record(&rig, &self.effects, f64::from(self.seconds), self.seed, &file, &quiet).unwrap();
-        let record = Record::read(&file, &rig, &ReadOptions::default()).unwrap();
-        explain(&[record], &rig, &Settings::default()).unwrap()
+        let record = Record::read(&file, &stated, &ReadOptions::default()).unwrap();
+        explain(&[record], &stated, &Settings::default()).unwrap()
+    }
+
+    /// A rig file with this case's resolution and drive.
+    fn rig(&self, file: &str) -> Rig {
+        let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../rigs").join(file);
+        Rig::parse(&self.kind.text(&std::fs::read_to_string(&path).unwrap(), self.counts), &path).unwrap()
     }
 }
 

@@ -74,7 +74,7 @@ fn dialects_are_accepted() {
 }
 
 #[test]
-fn gaps_split_and_are_counted() {
+fn gaps_split_or_are_filled_and_are_counted() {
     let text: String = rows(300)
         .lines()
         .enumerate()
@@ -82,11 +82,13 @@ fn gaps_split_and_are_counted() {
         .map(|(_, l)| format!("{l}\n"))
         .collect();
     let r = read(&text).unwrap();
-    assert_eq!(r.segments.iter().map(Segment::len).collect::<Vec<_>>(), [99, 90, 100]);
+    assert_eq!(r.segments.iter().map(Segment::len).collect::<Vec<_>>(), [99, 191]);
     assert_eq!((r.losses.gaps, r.losses.lost_on_link, r.losses.received), (2, 11, 289));
     assert_eq!(r.segments[1].first_tick, 109);
     assert!((r.segments[1].start_s - 3.218).abs() < 1e-6, "{}", r.segments[1].start_s);
-    assert_eq!(r.warnings.len(), 1);
+    let ids: Vec<_> = r.warnings.iter().map(|w| (w.id, w.text.as_str())).collect();
+    let filled = "1 missing row in gaps of up to 1 row was filled from the rows around them; 2 unbroken stretches left";
+    assert_eq!(ids, [("gaps", "2 gaps in t: 11 rows missing, 3 unbroken stretches left"), ("gaps-filled", filled)]);
 }
 
 use crate::record::Segment;
@@ -98,7 +100,7 @@ fn nan_is_a_gap_with_one_warning() {
         .replace("3.102,153,", "3.102,NaN,")
         .replace("3.400,600,x,0.7", "3.400,600,x,nan");
     let r = read(&text).unwrap();
-    assert_eq!((r.losses.nan_rows, r.segments.len(), r.losses.received, r.losses.gaps), (3, 3, 297, 0));
+    assert_eq!((r.losses.nan_rows, r.segments.len(), r.losses.received, r.losses.gaps), (3, 1, 297, 0));
     let w: Vec<_> = r.warnings.iter().filter(|w| w.id == "nan-is-gap").collect();
     assert_eq!(w.len(), 1);
     assert!(w[0].text.contains("3 of 300") && w[0].text.contains("line 52 in count1"), "{}", w[0].text);

@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::rows::{DeviceColumns, Rows};
-use super::{Column, Losses, Metadata, Record, Segment, rate, time_fit, unwrap};
+use super::{Column, Losses, Metadata, Record, Segment, bridge, rate, time_fit, unwrap};
 use crate::error::{BadInput, Result};
 use crate::rig::{Channel, Rig, UNKNOWN_RATE};
 use crate::suspects::{self, Numbering};
@@ -56,7 +56,9 @@ pub(super) fn assemble(
         metadata.as_ref().map(|m| m.sample_rate_hz).filter(|r| *r > 0.0 && rows.device.is_some()).map(|r| 1.0 / r);
     let rate_hz = own_step.map_or(rate_hz, |step| 1.0 / step);
     let clocks = clocks(&rows, &ranges, &sums, own_step, step)?;
-    let columns = columns(&mut rows, &ranges, metadata.is_some(), &mut warnings)?;
+    let modulus = |(column, channel)| unwrap::modulus(column, channel, &ranges).filter(|_| metadata.is_none());
+    let moduli: Vec<Option<f64>> = rows.columns.iter().zip(&rig.channel).map(modulus).collect();
+    let columns = columns(&mut rows, &ranges, &moduli, &mut warnings)?;
     let segments = segments(&mut rows, &ranges, clocks, columns, metadata.as_ref(), step);
     losses.received = segments.iter().map(|s| s.len() as u64).sum();
     if losses.gaps > 0 {
@@ -91,6 +93,9 @@ pub(super) fn assemble(
     let numbering = Arc::new(Numbering { word, first_rows, places, stretches });
     record.numbering = Some(numbering.clone());
     suspects::examine(&mut record, rig, &numbering);
+    let sensors = suspects::sensors(&record, rig);
+    let filled = bridge::fill(&mut record, &moduli, &sensors);
+    record.warnings.extend(filled.warning(record.segments.len() as u64));
     Ok(record)
 }
 
@@ -113,16 +118,14 @@ fn clocks(
     ranges.iter().zip(sums).map(clock).collect()
 }
 
-/// The channels of each stretch, wrapped angles made continuous (whirl's own records are: `own`). A
-/// record without a gap is not copied.
+/// The channels of each stretch, what was recorded modulo of something made continuous. A record
+/// without a gap is not copied.
 fn columns(
     rows: &mut Rows<'_>,
     ranges: &[Range<usize>],
-    own: bool,
+    moduli: &[Option<f64>],
     warnings: &mut Vec<Warning>,
 ) -> Result<Vec<Vec<Column>>> {
-    let modulus = |(column, channel): (&Column, &Channel)| unwrap::modulus(column, channel, ranges).filter(|_| !own);
-    let moduli: Vec<Option<f64>> = rows.columns.iter().zip(&rows.rig.channel).map(modulus).collect();
     let mut wraps = vec![0u64; moduli.len()];
     let mut out = Vec::with_capacity(ranges.len());
     for range in ranges {
@@ -292,7 +295,7 @@ pub(super) fn nan_warning(missing: u64, all: u64, word: &str, place: u64, channe
         format!(
             "{missing} of {all} rows have no value in some channel, the first at {word} {place} in {channel}: each is a gap"
         ),
-        "Nothing is interpolated; find out why the sensor was silent there",
+        "Find out why the sensor was silent there",
     )
 }
 
@@ -324,7 +327,7 @@ pub(super) fn unwrapped_warning(c: &Channel, modulus: f64, wraps: u64) -> Warnin
 }
 
 /// A count with its noun.
-fn plural(count: u64, noun: &str) -> String {
+pub(super) fn plural(count: u64, noun: &str) -> String {
     let ending = match (count, noun.ends_with("ch")) {
         (1, _) => "",
         (_, true) => "es",
@@ -343,7 +346,7 @@ pub(super) fn gap_warning(losses: &Losses, segments: u64) -> Warning {
             plural(losses.lost_on_link, "row"),
             plural(segments, "unbroken stretch")
         ),
-        "Each stretch is used by itself; nothing is interpolated",
+        "Each stretch is used by itself, unless the gap could be filled",
     )
 }
 

@@ -77,12 +77,17 @@ impl Numbering {
     }
 }
 
-/// Looks a record over; adds warnings, mends and cuts.
-pub fn examine(record: &mut Record, rig: &Rig, numbering: &Numbering) {
-    let sensors: Vec<usize> = match &rig.bound {
+/// Channels that show the motion; all where the rig file does not tell.
+pub fn sensors(record: &Record, rig: &Rig) -> Vec<usize> {
+    match &rig.bound {
         Some(bound) => bound.sensors.clone(),
         None => (0..record.channels.len()).collect(),
-    };
+    }
+}
+
+/// Looks a record over; adds warnings, mends and cuts.
+pub fn examine(record: &mut Record, rig: &Rig, numbering: &Numbering) {
+    let sensors = sensors(record, rig);
     let traces: Vec<Trace<'_>> = sensors.iter().map(|&k| trace(record, k)).collect();
     let wording = Wording::new(record, rig, numbering);
     let (mut warnings, mut mending) = (Vec::new(), Mending::default());
