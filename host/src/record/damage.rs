@@ -1,7 +1,6 @@
 //! Rows that stand in a file but cannot be read from it: which ones, between which times, and why.
 //!
-//! Such a stretch is a gap like any other: nothing is interpolated over it, and its rows count as
-//! missing ([`Losses::damaged`]).
+//! Such a stretch is a gap like any other, and its rows count as missing ([`Losses::damaged`]).
 
 use serde_json::{Map, Value, json};
 

@@ -61,9 +61,6 @@ pub(super) fn assemble(
     let columns = columns(&mut rows, &ranges, &moduli, &mut warnings)?;
     let segments = segments(&mut rows, &ranges, clocks, columns, metadata.as_ref(), step);
     losses.received = segments.iter().map(|s| s.len() as u64).sum();
-    if losses.gaps > 0 {
-        warnings.push(gap_warning(&losses, segments.len() as u64));
-    }
     let worst = segments.iter().map(|s| s.jitter_s / s.step_s).fold(0.0, f64::max);
     if worst > JITTER_WARNING {
         warnings.push(Warning::new(
@@ -86,6 +83,7 @@ pub(super) fn assemble(
     let first_rows = ranges.iter().map(|r| r.start).collect();
     if rig.sample_rate_hz == UNKNOWN_RATE {
         // Columns of which nothing is known yet: what they may do is not known either.
+        record.warnings.extend(gap_warning(&record.losses, record.segments.len() as u64));
         return Ok(record);
     }
     let (word, places) = if rows.resample { ("resampled row", vec![]) } else { (rows.word, rows.places) };
@@ -95,7 +93,9 @@ pub(super) fn assemble(
     suspects::examine(&mut record, rig, &numbering);
     let sensors = suspects::sensors(&record, rig);
     let filled = bridge::fill(&mut record, &moduli, &sensors);
-    record.warnings.extend(filled.warning(record.segments.len() as u64));
+    let stretches = record.segments.len() as u64;
+    record.warnings.extend(gap_warning(&record.losses, stretches));
+    record.warnings.extend(filled.warning(stretches));
     Ok(record)
 }
 
@@ -336,18 +336,11 @@ pub(super) fn plural(count: u64, noun: &str) -> String {
     format!("{count} {noun}{ending}")
 }
 
-/// Gaps that were found.
-pub(super) fn gap_warning(losses: &Losses, segments: u64) -> Warning {
-    Warning::new(
-        "gaps",
-        format!(
-            "{} in t: {} missing, {} left",
-            plural(losses.gaps, "gap"),
-            plural(losses.lost_on_link, "row"),
-            plural(segments, "unbroken stretch")
-        ),
-        "Each stretch is used by itself, unless the gap could be filled",
-    )
+/// Gaps that were found, where there are any.
+pub(super) fn gap_warning(losses: &Losses, segments: u64) -> Option<Warning> {
+    let (gaps, rows) = (plural(losses.gaps, "gap"), plural(losses.lost_on_link, "row"));
+    let text = format!("{gaps} in t: {rows} missing, {} left", plural(segments, "unbroken stretch"));
+    (losses.gaps > 0).then(|| Warning::new("gaps", text, "Each stretch is used by itself"))
 }
 
 /// One segment's part of a column.

@@ -253,9 +253,7 @@ fn pass(source: &mut dyn Source, path: &Path, rig: &Rig, take: &mut Take<'_>) ->
     }
     pooled.add(&clock);
     let rate = rate::check(path, rig, all, pooled.step().unwrap_or(nominal))?;
-    if losses.gaps > 0 {
-        warnings.push(segments::gap_warning(&losses, stretches));
-    }
+    warnings.extend(segments::gap_warning(&losses, stretches));
     let own_rate = source.metadata().map(|m| m.sample_rate_hz).filter(|r| *r > 0.0 && rows.device.is_some());
     if let Some(stored) = source.losses() {
         losses = Losses { received: losses.received, nan_rows: losses.nan_rows, ..stored.clone() };

@@ -16,9 +16,6 @@ use crate::model::model_file::equations_of_motion::EquationsOfMotion;
 
 /// Most windows of the gap.
 const MOST_WINDOWS: usize = 40;
-/// Power that a window leaves, in that of the middle one, from which its search is taken to have
-/// ended elsewhere: three times its misfit.
-const ASTRAY: f64 = 9.0;
 /// Share of what a sensor shows to which solutions are exact.
 const EXACT_GAP: f64 = 1e-5;
 
@@ -175,19 +172,7 @@ impl Model<'_> {
         let problem = track.problem(self.motion, step_s, &at);
         let lengths = [(windows.length / 4).max(8), windows.length];
         let of = |k: usize| lengths[usize::from(windows.known[k])..].to_vec();
-        let mut found = problem.fit_states(pieces, guesses, self.parameters, &of);
-        // A search that ended in another minimum says nothing of the model: where the motion is
-        // chaotic, one window in forty did, and was all of the gap.
-        let astray = astray(&found);
-        let (again, starts): (Vec<Piece>, Vec<Vec<f64>>) =
-            astray.iter().map(|k| (pieces[*k].clone(), guesses[*k].clone())).unzip();
-        let doubling: Vec<usize> =
-            core::iter::successors(Some(8), |l| Some(2 * l)).take_while(|l| *l < windows.length).collect();
-        let of = |_: usize| doubling.iter().copied().chain([windows.length]).collect();
-        for (k, other) in astray.iter().zip(problem.fit_states(&again, &starts, self.parameters, &of)) {
-            let nearer = |other: &(Vec<f64>, f64)| found[*k].as_ref().is_none_or(|f| other.1 < f.1);
-            found[*k] = other.filter(nearer).or_else(|| found[*k].take());
-        }
+        let found = problem.fit_states(pieces, guesses, self.parameters, &of);
         (found, step_s)
     }
 
@@ -344,14 +329,6 @@ fn with_lost(
     let counts = lost as f64 > MOST_LOST * found.len() as f64;
     let all = found.into_iter().zip(&windows.pieces);
     all.filter_map(|(f, piece)| f.or_else(|| counts.then(|| motion(piece)))).collect()
-}
-
-/// Windows whose states leave far more than those of the middle window do, or that have none.
-fn astray(states: &[State]) -> Vec<usize> {
-    let mut left: Vec<f64> = states.iter().flatten().map(|s| s.1).collect();
-    left.sort_by(f64::total_cmp);
-    let most = ASTRAY * left.get(left.len() / 2).copied().unwrap_or(0.0).max(1.0);
-    (0..states.len()).filter(|k| states[*k].as_ref().is_none_or(|s| s.1 > most)).collect()
 }
 
 /// Mean square of a piece's motion about its mean, in units of the noise.
