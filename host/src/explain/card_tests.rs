@@ -41,7 +41,10 @@ fn the_sentence_says_what_and_by_how_much() {
     let mut locks = explained();
     locks.warnings.push(crate::warning::Warning::new(LOCKS_LATER, "", ""));
     let told = super::card(&locks, &rig()).verdict;
-    assert!(told.contains("noise is left. This rests on what came before the motion locked to its drive"), "{told}");
+    assert!(
+        told.contains("noise is left. This rests on the record's beginning, until the motion had locked to its drive"),
+        "{told}"
+    );
     let row = &card.parameters[0];
     assert_eq!((row.before, row.after, row.unit.as_str()), (Some((0.05455, 4e-5)), (0.048493, 5.6e-6), ""));
     assert!(row.plain.contains("viscous friction in joint 2"));

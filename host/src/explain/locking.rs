@@ -26,11 +26,28 @@ pub(super) fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Res
     if ends.len() < records.len() {
         return Ok(result);
     }
-    let before = records.iter().zip(&ends).map(|(r, end)| until(r, *end)).collect::<Result<Vec<_>>>();
-    let decided = before.and_then(|b| outlying::explain(&b, rig, settings)).ok();
-    let Some(mut again) = decided.filter(|a| a.verdict != Verdict::NotDecidable) else { return Ok(result) };
-    again.warnings.extend(records.iter().zip(&ends).map(|(r, end)| told(r, *end)));
-    Ok(again)
+    let part = |by: f64| -> Result<Explanation> {
+        let end = |(r, end): (&Record, &f64)| until(r, longer(r, *end, by));
+        outlying::explain(&records.iter().zip(&ends).map(end).collect::<Result<Vec<_>>>()?, rig, settings)
+    };
+    for by in PARTS {
+        if let Some(mut again) = part(by).ok().filter(|a| a.verdict != Verdict::NotDecidable) {
+            again.warnings.extend(records.iter().zip(&ends).map(|(r, end)| told(r, *end, by)));
+            return Ok(again);
+        }
+    }
+    Ok(result)
+}
+
+/// What is explained of a record, in the time after which it repeats: that alone; where it is too
+/// short for windows (a rotor settles within a dozen turns), so much of what follows as well that
+/// the whole is found to repeat no more than it does not.
+const PARTS: [f64; 4] = [1.0, 2.5, 6.0, 15.0];
+
+/// The end of a part that is so many times longer than what comes before `end_s`, s.
+fn longer(record: &Record, end_s: f64, by: f64) -> f64 {
+    let from_s = record.segments.first().map_or(0.0, |s| s.start_s);
+    from_s + by * (end_s - from_s)
 }
 
 /// What of a record lies before a time, s.
@@ -43,11 +60,15 @@ fn until(record: &Record, end_s: f64) -> Result<Record> {
 /// Id of the warning that what came before a motion locked to its drive was explained.
 pub(super) const LOCKS_LATER: &str = "locks-later";
 
-fn told(record: &Record, end_s: f64) -> Warning {
-    let of_s = record.segments.last().map_or(end_s, |s| s.start_s + s.len() as f64 * s.step_s);
-    let text =
-        format!("the motion repeats (locked to the drive) from {} on, of {}", in_seconds(end_s), in_seconds(of_s));
-    let advice = "What came before is explained; one orbit cannot tell effects apart (`whirl plan` proposes settings)";
+fn told(record: &Record, end_s: f64, by: f64) -> Warning {
+    let last_s = record.segments.last().map_or(end_s, |s| s.start_s + s.len() as f64 * s.step_s);
+    let (from, of) = (in_seconds(end_s), in_seconds(last_s));
+    let text = format!("the motion repeats (locked to the drive) from {from} on, of {of}");
+    let explained = match in_seconds(longer(record, end_s, by).min(last_s)) {
+        _ if by <= 1.0 => "What came before is explained".to_owned(),
+        until => format!("What came before is short: the record is explained until {until}"),
+    };
+    let advice = format!("{explained}; one orbit cannot tell effects apart (`whirl plan` proposes settings)");
     Warning::new(LOCKS_LATER, text, advice).with("from_s", end_s)
 }
 
@@ -77,6 +98,7 @@ mod tests {
         assert!((25.0..31.0).contains(&end_s), "{end_s}");
         let before = until(&made(30.0), end_s).unwrap();
         assert!((before.duration_s() - end_s).abs() < 0.1, "{}", before.duration_s());
+        assert!((longer(&made(30.0), end_s, 2.5) - 2.5 * end_s).abs() < 1e-9);
         assert_eq!(freely_until_s(&made(f64::INFINITY), &rig), None);
     }
 }
