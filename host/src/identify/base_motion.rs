@@ -5,7 +5,9 @@
 //! ([`Kernel`]): flat up to a quarter beyond where the position stands above its noise, at least
 //! four times the drive's frequency. Noise of σ m leaves √(2/5 · f/f_s) σ (2πf)² m/s² behind a
 //! low-pass that ends at f. An offset makes no difference. The samples within the reach of the
-//! low-pass at both ends of a stretch are spent.
+//! low-pass at both ends of a stretch are spent; where they would be many (a sloshing tank of 1 Hz
+//! over 20 s: half of all) the pass band is wider, while its noise stays small beside the
+//! acceleration.
 //!
 //! An **acceleration** stands as it was measured, less its mean with sin⁴ as weights: what comes
 //! and goes leaves no mean there, and what an accelerometer shows of gravity and of its own offset
@@ -27,7 +29,8 @@ use crate::record::Record;
 use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
 use crate::signal::low_pass::Kernel;
-use crate::signal::noise;
+use crate::signal::noise::{self, Noise};
+use core::f64::consts::TAU;
 
 /// The pass band beyond the end of the signal, and the least of it in multiples of the drive's
 /// frequency.
@@ -37,6 +40,13 @@ const LEAST: f64 = 4.0;
 /// stands above the noise.
 const MOST: f64 = 0.25;
 const UNKNOWN: f64 = 0.1;
+
+/// Most of the longest stretch that is spent at its ends, and the noise that is taken for it as a
+/// share of the acceleration's rms (by hand: errors of what acts bend coefficients by its square).
+const SPENT: f64 = 0.1;
+const NOISY: f64 = 0.03;
+/// Steps in which the pass band is widened.
+const WIDER: f64 = 1.25;
 
 /// The noise of a channel of the base.
 #[derive(Clone, Debug)]
@@ -87,17 +97,37 @@ pub(super) fn of(record: &Record, rig: &Rig, bound: &ObservedModel) -> Option<Ba
         let accelerations = shown.into_iter().map(|x| x.into_iter().map(|x| x - mean).collect()).collect();
         return Some(BaseMotion { accelerations, trimmed: 0, noise: of(None) });
     }
-    let kernel = kernel(noise.map(|n| n.signal_end_hz), rig, step_s);
+    let kernel = kernel(noise, rig, step_s, &shown);
     let accelerations = shown.iter().map(|x| twice(&kernel, x)).collect();
     Some(BaseMotion { accelerations, trimmed: 2 * kernel.reach(), noise: of(Some(kernel)) })
 }
 
-/// The low-pass that differentiates.
-fn kernel(end: Option<f64>, rig: &Rig, step_s: f64) -> Kernel {
+/// The low-pass that differentiates what the channel showed.
+fn kernel(noise: Option<Noise>, rig: &Rig, step_s: f64, shown: &[Vec<f64>]) -> Kernel {
     let rate = 1.0 / step_s;
     let least = rig.drive.map_or(0.0, |d| LEAST * d.frequency_hz);
-    let pass = (BEYOND * end.unwrap_or(UNKNOWN * rate)).max(least).min(MOST * rate);
-    Kernel::design(step_s, pass, (1.6 * pass).min(0.45 * rate))
+    let end = noise.map_or(UNKNOWN * rate, |n| n.signal_end_hz);
+    let design = |pass: f64| Kernel::design(step_s, pass, (1.6 * pass).min(0.45 * rate));
+    let mut pass = (BEYOND * end).max(least).min(MOST * rate);
+    let mut kernel = design(pass);
+    let longest = shown.iter().map(Vec::len).max().unwrap_or(0) as f64;
+    let spends_much = |kernel: &Kernel| 4.0 * kernel.reach() as f64 > SPENT * longest;
+    let Some(noise) = noise.filter(|_| spends_much(&kernel)) else { return kernel };
+    let acceleration = |kernel: &Kernel| -> f64 {
+        let all: Vec<f64> = shown.iter().flat_map(|x| twice(kernel, x)).collect();
+        // Where nothing is left, all is to be gained.
+        if all.is_empty() { f64::INFINITY } else { (all.iter().map(|a| a * a).sum::<f64>() / all.len() as f64).sqrt() }
+    };
+    while spends_much(&kernel) && WIDER * pass < MOST * rate {
+        let end = 1.6 * WIDER * pass;
+        let left = (0.4 * end / rate).sqrt() * noise.sigma * (TAU * end).powi(2);
+        if left > NOISY * acceleration(&kernel) {
+            break;
+        }
+        pass *= WIDER;
+        kernel = design(pass);
+    }
+    kernel
 }
 
 /// The second derivative.
@@ -126,7 +156,6 @@ fn mean(segments: &[Vec<f64>]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use core::f64::consts::TAU;
 
     #[test]
     fn a_position_gives_the_acceleration_of_every_harmonic() {
@@ -160,6 +189,24 @@ mod tests {
         let x = plain.series(50_000, 1, 0);
         let rms = (x.iter().map(|x| x * x).sum::<f64>() / 50_000.0).sqrt();
         assert!((rms / 0.02 - 1.0).abs() < 0.01, "{rms}");
+    }
+
+    /// A tank of 1.1 Hz for 20 s at 25 samples a second: the low-pass that ends just above it would
+    /// reach over half of the record. One that hides in noise keeps it, and so does a long record.
+    #[test]
+    fn a_short_record_is_not_spent_at_its_ends() {
+        let text = include_str!("../../../rigs/measured-base.toml");
+        let mut rig = Rig::parse(text, std::path::Path::new("../rigs/measured-base.toml")).unwrap();
+        (rig.drive, rig.sample_rate_hz) = (None, 25.0);
+        let spent = |seconds: usize, sigma: f64| {
+            let position = |i: usize| 0.014 * (TAU * 1.1 * i as f64 / 25.0).sin();
+            let x: Vec<f64> = (0..25 * seconds).map(position).collect();
+            let (signal_end_hz, square_error) = (1.5, 0.1);
+            let noise = Noise { sigma, square_error, signal_end_hz, clear_end_hz: 1.4, acceleration_99_hz: 1.2 };
+            4.0 * kernel(Some(noise), &rig, 0.04, &[x]).reach() as f64 / (25 * seconds) as f64
+        };
+        assert!(spent(20, 1e-5) < 0.2, "{}", spent(20, 1e-5));
+        assert!(spent(20, 1e-3) > 0.4 && spent(600, 1e-5) < 0.05, "{} {}", spent(20, 1e-3), spent(600, 1e-5));
     }
 
     #[test]
