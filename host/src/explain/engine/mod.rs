@@ -157,8 +157,10 @@ fn attempt(
         setting.sensors = sensors;
     }
     let Some(mut state) = start(&setting, &first, physical) else { return Ok(Attempt::Done(None)) };
-    let mut result =
-        Explanation::new(units::horizon(rig, settings, &setting.raw, setting.geometry.period_s)?, warnings);
+    let horizon_s = units::horizon(rig, settings, &setting.raw, setting.geometry.period_s)?;
+    // A block that is held out has room for a prediction.
+    setting.part = setting.part.max((horizon_s * rig.sample_rate_hz).round() as usize + 1);
+    let mut result = Explanation::new(horizon_s, warnings);
     result.warnings.extend(units::unknown(rig, whole));
     if let Some(model) = &settings.model {
         given::take(&setting, &mut state, model)?;
