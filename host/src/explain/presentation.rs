@@ -2,6 +2,7 @@
 
 use std::fmt::Write;
 
+use super::card::clean;
 use super::engine::attractor::{Attractor, LONGEST, TOLERANCE_DEG};
 use super::engine::residual_map::Where;
 use super::{Explanation, Step, Verdict};
@@ -140,7 +141,7 @@ fn departures(out: &mut String, places: &[Where], most: usize) {
             "  equation {} is off by {} at {} (noise alone: within ± {})",
             w.equation,
             w.residual(w.value),
-            w.stretch(),
+            clean(w).stretch(),
             w.residual(w.band)
         );
     }
