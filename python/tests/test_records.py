@@ -115,6 +115,11 @@ def test_what_is_no_record_is_refused(source, words):
     assert e.file is None and e.place in str(e) and e.found in str(e) and e.expected in str(e) and (e.remedy or "") in str(e)
 
 
+def test_columns_of_two_lengths_are_told_by_their_names_beside_a_rate():
+    with pytest.raises(whirl.Error, match="column theta2: found 6 values, 5 in theta1, expected columns of one length"):
+        whirl.read({"theta1": np.zeros(5), "theta2": np.zeros(6)}, rate=200)
+
+
 def test_a_frame_whose_index_has_no_name_is_told_so(record, rig):
     frame = pd.DataFrame(record.columns, index=record.t)
     for ask in (lambda: whirl.read(frame).columns, lambda: whirl.identify(frame, rig=rig)):

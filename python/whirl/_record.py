@@ -311,7 +311,8 @@ def read(source: Source, *, rate: Optional[float] = None, start: float = 0.0, ti
         return Record(source, time=time, recover=recover, resample=resample)
     columns = _table(source)
     if rate is not None:
-        columns = {"t": _times(columns, rate, start), **columns}
+        # Of several lengths the columns' own names are told, not that of the time.
+        columns = {"t": _times(columns, rate, start), **_arrays(columns)}
     folder = tempfile.TemporaryDirectory(prefix="whirl-")
     path = Path(folder.name) / FILE
     _written(columns, path)

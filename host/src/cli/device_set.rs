@@ -8,7 +8,9 @@ use std::time::Duration;
 
 use clap::Args;
 use whirl_shared::codec::samples_frame_len;
-use whirl_shared::frame::{BLOCK_LEN, BaseKind, Command, CommandResult, Hello, MOST_ENCODERS, Setting, SettingsSource};
+use whirl_shared::frame::{
+    BLOCK_LEN, BaseKind, Command, CommandResult, Hello, MOST_ENCODERS, Setting, SettingsSource, ZeroSource,
+};
 
 use super::Answer;
 use super::device::{Device, Link, heading, table};
@@ -61,6 +63,7 @@ pub fn run(link: &Link, arguments: &Arguments) -> Result<Answer> {
         }
     }
     let kept = kept(&mut talk, &from)?;
+    let is_simulated = talk.is_simulated();
     let wanted = wanted(&changes);
     let mut warnings = Vec::new();
     let after = if arguments.no_restart {
@@ -80,9 +83,15 @@ pub fn run(link: &Link, arguments: &Arguments) -> Result<Answer> {
     let done = changes.iter().map(|c| c.text.as_str()).collect::<Vec<_>>().join(", ");
     let mut text = heading(&from, &after);
     if arguments.no_restart {
-        text.push_str(&format!("kept: {done}; in force when the board starts next\n"));
+        let next = if is_simulated {
+            "the simulated board ends with this command, and they with it"
+        } else {
+            "in force when the board starts next"
+        };
+        text.push_str(&format!("kept: {done}; {next}\n"));
     } else {
-        text.push_str(&format!("kept, and in force: {done}\n"));
+        let flash = if is_simulated { " in the simulated board's flash, which ends with this command" } else { "" };
+        text.push_str(&format!("kept{flash}, and in force: {done}\n"));
         text.push_str(&table(&after, &device));
     }
     out.say(&text);
@@ -221,14 +230,22 @@ fn restarted(
                  250 Hz to 2 kHz. Set another value, or `whirl device set settings=built-in`",
             ));
     }
-    if before.zeros.iter().zip(&hello.zeros).any(|(old, new)| old.id != new.id) {
-        warnings.push(Warning::new(
-            "zero-lost",
-            "the encoders' zero was lost in the restart: the arms turned, or the counts a turn are others",
-            "Let the arms hang still, then `whirl device zero`",
-        ));
+    let mut pairs = before.zeros.iter().zip(&hello.zeros);
+    if let Some((_, new)) = pairs.find(|(old, new)| old.id != new.id) {
+        warnings.push(zero_lost(new.source));
     }
     Ok(hello)
+}
+
+/// That an encoder's zero is another after the restart, and how it came about.
+fn zero_lost(source: ZeroSource) -> Warning {
+    let text = match source {
+        ZeroSource::Carried => {
+            "the encoders' zero was carried over the restart, in which an arm turned, and is off by that turn"
+        }
+        _ => "the encoders' zero was lost in the restart: the arms turned, or the counts a turn are others",
+    };
+    Warning::new("zero-lost", text, "Let the arms hang still, then `whirl device zero`")
 }
 
 /// The same serial port at another rate; none for other sources.

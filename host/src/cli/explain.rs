@@ -48,7 +48,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE.toml")]
     effects: Vec<PathBuf>,
     /// Write the model with its effects here.
-    #[arg(short, value_name = "MODEL.toml")]
+    #[arg(short, long, value_name = "MODEL.toml")]
     output: Option<PathBuf>,
     /// Write everything that is needed to audit and repeat the answer here, as JSON.
     #[arg(long, value_name = "FILE")]

@@ -24,6 +24,12 @@ pub struct Arguments {
     output: Option<PathBuf>,
 }
 
+/// What every command ends with, in man's own format.
+const EXIT_STATUS: &str = "\
+.SH \"EXIT STATUS\"
+0 done; 1 done, and the answer is negative; 2 wrong input or usage, with one message that says what to do.
+";
+
 /// A page and its file's name.
 type Page = (String, Vec<u8>);
 
@@ -59,8 +65,10 @@ fn collect(command: &Command, name: &str, pages: &mut Vec<Page>) -> Result<()> {
     let usage = command.clone().render_usage().to_string();
     let usage = usage.trim().trim_start_matches("Usage:").trim().to_owned();
     Man::new(command.clone().display_name(name).override_usage(usage))
+        .source(concat!("whirl ", env!("CARGO_PKG_VERSION")))
         .render(&mut text)
         .map_err(|e| BadInput::new(e.to_string(), "a page"))?;
+    text.extend_from_slice(EXIT_STATUS.as_bytes());
     pages.push((format!("{name}.1"), text));
     command.get_subcommands().try_for_each(|below| collect(below, &format!("{name}-{}", below.get_name()), pages))
 }
@@ -95,6 +103,12 @@ mod tests {
         assert!(of("whirl-capture.1").contains("--live") && of("whirl-capture.1").contains("--until"));
         assert!(of("whirl-device-set.1").contains("whirl device set"), "{}", of("whirl-device-set.1"));
         assert!(of("whirl-identify.1").contains("--rig <RIG.toml>"), "{}", of("whirl-identify.1"));
+        for page in ["whirl.1", "whirl-device-set.1"] {
+            let text = of(page);
+            let source = format!("\"whirl {}\"", env!("CARGO_PKG_VERSION"));
+            assert!(text.lines().any(|l| l.starts_with(".TH") && l.contains(&source)), "{text}");
+            assert!(text.contains("EXIT STATUS"), "{text}");
+        }
         let words = ["device".to_owned(), "set".to_owned()];
         assert_eq!(
             String::from_utf8(page(&pages, &words).unwrap().to_vec()).unwrap().replace("\\-", "-"),

@@ -51,7 +51,7 @@ pub struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// The plan, for `whirl capture --plan`.
-    #[arg(short, value_name = "PLAN.toml")]
+    #[arg(short, long, value_name = "PLAN.toml")]
     output: Option<PathBuf>,
     #[command(flatten)]
     replace: Replace,

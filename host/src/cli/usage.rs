@@ -30,6 +30,9 @@ const MISSING: [(&str, &str); 4] = [
 const WORDS: [(&str, &str); 2] =
     [("<WHAT>", "one of models, effects, boards, methods"), ("<SHELL>", "one of bash, elvish, fish, powershell, zsh")];
 
+/// Shells without completions: none of the others is meant by them.
+const SHELLS: [&str; 8] = ["tcsh", "csh", "ksh", "mksh", "sh", "dash", "nu", "xonsh"];
+
 /// Whether the parser was asked for a text (help, version), which is no error.
 pub fn is_asked(error: &clap::Error) -> bool {
     !error.use_stderr() || error.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand
@@ -58,7 +61,9 @@ pub fn told(error: &clap::Error, words: &[String]) -> BadInput {
             let expected = if known.is_empty() { "a value".to_owned() } else { format!("one of {}", known.join(", ")) };
             match value.filter(|v| !v.is_empty()) {
                 Some(v) => {
-                    let meant = did_you_mean(&v, known.iter().map(String::as_str));
+                    let known = known.iter().map(String::as_str);
+                    let is_meant = !SHELLS.contains(&v.as_str());
+                    let meant = if is_meant { did_you_mean(&v, known) } else { String::new() };
                     BadInput::new(format!("\"{v}\""), expected).at(option).remedy(format!("{meant}{help}"))
                 }
                 None => BadInput::new("no value", expected).at(option).remedy(help),
@@ -189,7 +194,9 @@ mod tests {
             ("identify r.csv --rig a --rig b", &["--rig", "a second time"]),
             ("list", &["found no WHAT, expected one of models, effects, boards, methods"]),
             ("completions", &["found no SHELL, expected one of bash, elvish"]),
-            ("plan --rig r --budget 900 -o p", &["found \"900\", expected a whole number from 1 to 500"]),
+            ("completions tcsh", &["found \"tcsh\", expected one of bash, elvish, fish, powershell, zsh. `whirl"]),
+            ("explain r.csv --rig r.toml --output m.toml --metod", &["the option \"--metod\""]),
+            ("plan --rig r --budget 900 --output p", &["found \"900\", expected a whole number from 1 to 500"]),
         ] {
             let words = std::iter::once("whirl").chain(line.split_whitespace());
             let error = crate::cli::command().try_get_matches_from(words).unwrap_err();

@@ -15,6 +15,7 @@ use crate::error::{BadInput, Result};
 use crate::model::model_file::expression::Node;
 use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
+use crate::wording::close::did_you_mean;
 
 /// What is put in.
 #[derive(Clone, Debug, Default)]
@@ -99,6 +100,7 @@ fn shaped(text: &str, entry: &Entry, given: &Text<'_>) -> Result<(Form, Vec<f64>
         Some(_) => names.iter().map(|n| one(n).unwrap_or(0.0)).collect(),
     };
     told_otherwise(text, entry, given, (&form, &strengths))?;
+    of_their_sign(text, entry, &strengths)?;
     if strengths.iter().all(|s| *s == 0.0) && given.value != 0.0 {
         return Err(bad(text, "no strength".to_owned(), format!("one of {} beside the value", known.join(", "))));
     }
@@ -165,6 +167,22 @@ fn told_otherwise(text: &str, entry: &Entry, given: &Text<'_>, (form, strengths)
     Ok(())
 }
 
+/// Refuses a strength below 0 of one that is positive by its nature: friction that drives.
+fn of_their_sign(text: &str, entry: &Entry, strengths: &[f64]) -> Result<()> {
+    let mut all = entry.strengths.iter().zip(strengths).zip(&entry.positive);
+    let Some(((name, x), _)) = all.find(|((_, x), positive)| **positive && **x < 0.0) else { return Ok(()) };
+    let expected = format!("0 or more: {} says sign = {{ {name} = \"+\" }}", entry.id);
+    let remedy = format!("Give {name} without the minus; `whirl list effects --show {}` prints its law", entry.id);
+    Err(bad(text, format!("{name} = {x}"), expected).remedy(remedy))
+}
+
+/// What is found of a law that changes nothing: a shape of 0 may divide in it.
+fn changes_nothing(form: &Form) -> String {
+    let zero: Vec<String> = form.iter().filter(|s| s.1 == 0.0).map(|s| format!("{} = 0", s.0)).collect();
+    let with = if zero.is_empty() { String::new() } else { format!(" with {}", zero.join(", ")) };
+    format!("nothing that it would change{with}")
+}
+
 /// Where an effect could be put, of places with these names; of none, what it takes.
 fn place_wanted(names: &[String], entry: &Entry) -> String {
     match (names, entry.at) {
@@ -215,7 +233,9 @@ pub fn of(
         let given = apart(text)?;
         let Some(entry) = entries.iter().find(|e| e.id == given.id) else {
             let ids: Vec<&str> = entries.iter().map(|e| e.id.as_str()).collect();
-            return Err(bad(text, format!("\"{}\"", given.id), format!("one of {}", ids.join(", "))));
+            let meant = did_you_mean(given.id, ids.iter().copied());
+            let e = bad(text, format!("\"{}\"", given.id), format!("one of {}", ids.join(", ")));
+            return Err(e.remedy(format!("{meant}See `whirl list effects` and docs/effects.md")));
         };
         let here = places::of(entry, file, bound);
         let Some(place) = here.iter().find(|p| p.name(file) == given.at) else {
@@ -266,11 +286,7 @@ pub fn of(
             }
             (Ok(Some(Action::Advances(laws))), None) => out.advances.extend(laws.into_iter().zip(strengths)),
             _ => {
-                return Err(bad(
-                    text,
-                    "nothing that it would change".to_owned(),
-                    "an effect that acts there".to_owned(),
-                ));
+                return Err(bad(text, changes_nothing(&form), "an effect that acts there".to_owned()));
             }
         }
     }

@@ -44,3 +44,18 @@ fn what_is_no_amplitude_is_refused_and_not_taken_for_one() {
     let told = refused("value = \"sqrt(a^2 + b^2)\"\nalso = { psi = \"atan2(a, b)\" }", "own@x=0.3,psi=0.7");
     assert!(told.contains("psi=0.7, where atan2(a, b) is"), "{told}");
 }
+
+#[test]
+fn a_strength_that_is_positive_by_its_nature_is_not_taken_below_0() {
+    let entry = own("sign = { a = \"+\" }");
+    assert_eq!(strengths(&entry, "own@x=0.3").unwrap(), [0.3, 0.0]);
+    let told = strengths(&entry, "own@x=-0.3").unwrap_err().to_string();
+    assert!(told.contains("found a = -0.3, expected 0 or more: own says sign = { a = \"+\" }"), "{told}");
+    assert_eq!(strengths(&own(""), "own@x=-0.3").unwrap(), [-0.3, 0.0]);
+}
+
+#[test]
+fn a_shape_of_0_is_named_where_nothing_changes() {
+    assert_eq!(changes_nothing(&vec![("d".to_owned(), 0.0)]), "nothing that it would change with d = 0");
+    assert_eq!(changes_nothing(&vec![("d".to_owned(), 0.1)]), "nothing that it would change");
+}

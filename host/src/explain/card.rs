@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::engine::changed::Changed;
+use super::engine::residual_map::Where;
 use super::explanation::{Found, Limit, Refused};
 use super::gap::{AtHorizon, Miss};
 use super::locking::LOCKS_LATER;
@@ -263,6 +264,15 @@ fn gap(e: &Explanation) -> (String, Vec<GapBar>) {
     (heading, steps.iter().zip(&misses).map(bar).collect())
 }
 
+/// Share of a stretch below which its edge is 0, but for rounding.
+const DIRT: f64 = 1e-9;
+
+/// A place whose edges at 0 are 0.
+pub(super) fn clean(place: &Where) -> Where {
+    let edge = |x: f64| if x.abs() < DIRT * (place.to - place.from).abs() { 0.0 } else { x };
+    Where { from: edge(place.from), to: edge(place.to), ..place.clone() }
+}
+
 /// The command that prints the laboratory tests of an effect and of those that it is not told from;
 /// of a user's own, their file has them.
 fn laboratory(f: &Found) -> String {
@@ -283,8 +293,11 @@ fn undecided(e: &Explanation) -> Vec<String> {
     let mut out = Vec::new();
     for f in e.effects.iter().filter(|f| !f.indistinguishable_from.is_empty()) {
         let others: Vec<String> = f.indistinguishable_from.iter().map(|n| names::effect(n)).collect();
+        // An effect of a user's own file may have no test.
+        let has_test = !f.confirm.is_empty() || text_of(&f.id).is_some();
+        let test = if has_test { "the laboratory test of each does" } else { "only a test in the laboratory does" };
         out.push(format!(
-            "This record does not tell {} from {}: the laboratory test of each does{}.",
+            "This record does not tell {} from {}: {test}{}.",
             names::effect(&f.name()),
             names::listed(&others),
             laboratory(f)
@@ -305,7 +318,7 @@ fn undecided(e: &Explanation) -> Vec<String> {
             } else {
                 String::new()
             };
-            let (at, value) = (w.stretch(), w.residual(w.value));
+            let (at, value) = (clean(w).stretch(), w.residual(w.value));
             out.push(format!("What is left sits in equation {} at {at}: {value}{noise}.", w.equation));
         }
         // What was tried and did not hold before what chance may have made.

@@ -226,3 +226,13 @@ fn what_cannot_be_decided_has_no_numbers() {
     );
     assert!(card.parameters.is_empty() && card.gap.1.is_empty() && card.equations.is_none());
 }
+
+#[test]
+fn an_edge_that_is_0_but_for_rounding_is_told_as_0() {
+    let place = |from: f64, to: f64| {
+        let (against, units) = ("angle of pivot".to_owned(), ("rad".to_owned(), String::new()));
+        clean(&Where { equation: 1, against, from, to, value: 0.0037, band: 0.0, units }).stretch()
+    };
+    assert_eq!(place(-0.524, -1.67e-16), "angle of pivot -0.524 … 0 rad".replace('-', "−"));
+    assert_eq!(place(1e-9, 2e-9), "angle of pivot 1.00·10⁻⁹ … 2.00·10⁻⁹ rad");
+}

@@ -2,9 +2,12 @@
 
 use std::fmt::Write;
 
+use super::card::clean;
 use super::engine::attractor::{Attractor, LONGEST, TOLERANCE_DEG};
 use super::engine::residual_map::Where;
-use super::{Explanation, Step, Verdict};
+use super::{Explanation, Found, Step, Verdict};
+use crate::effects::catalogue;
+use crate::effects::entry::At;
 use crate::report::card::Card;
 use crate::wording::format::{Z95, percent, plus_minus, rounded, shortest, significant};
 use crate::wording::symbols::symbol_plain;
@@ -32,6 +35,9 @@ fn rests_on(e: &Explanation) -> String {
             parameters.concat(),
             percent(f.held_out_gain, 2)
         );
+    }
+    if let Some(words) = letters(&e.effects) {
+        let _ = writeln!(out, "  {words}");
     }
     if let Some(before) = e.gap.attractor.first() {
         // Predictions are no longer than that.
@@ -116,6 +122,28 @@ fn rests_on(e: &Explanation) -> String {
     out
 }
 
+/// What the letters in the terms of listed effects at joints and arms stand for, but for those that
+/// a term's own text tells; none where there is none.
+pub fn letters(effects: &[Found]) -> Option<String> {
+    let is_mechanical = |f: &&Found| {
+        let entry = catalogue().iter().find(|e| e.id == f.id);
+        entry.is_some_and(|e| matches!(e.at, At::Joint | At::Arm))
+    };
+    let has = |text: &str, letter: &str| {
+        let is_told = text.contains(&format!("{letter} the "));
+        !is_told && text.split(|c: char| !c.is_alphanumeric() && c != '_').any(|word| word == letter)
+    };
+    let stands = |letter: &str| effects.iter().filter(is_mechanical).any(|f| has(&f.equation, letter));
+    let all = [
+        ("v", "the rate of the joint"),
+        ("x", "the joint's angle or position"),
+        ("ω", "the angular velocity of the arm"),
+    ];
+    let told: Vec<String> =
+        all.iter().filter(|(letter, _)| stands(letter)).map(|(letter, what)| format!("{letter} is {what}")).collect();
+    (!told.is_empty()).then(|| format!("in these terms {}; the letter in front is the value", told.join(", ")))
+}
+
 /// `, in m`; nothing where the rig file says no unit.
 fn in_unit(unit: &str) -> String {
     match unit {
@@ -140,7 +168,7 @@ fn departures(out: &mut String, places: &[Where], most: usize) {
             "  equation {} is off by {} at {} (noise alone: within ± {})",
             w.equation,
             w.residual(w.value),
-            w.stretch(),
+            clean(w).stretch(),
             w.residual(w.band)
         );
     }
@@ -150,6 +178,21 @@ fn departures(out: &mut String, places: &[Where], most: usize) {
 mod tests {
     use super::*;
     use crate::explain::engine::simulation::Simulation;
+
+    #[test]
+    fn letters_of_terms_are_told_but_for_those_that_the_term_tells() {
+        let found = |id: &str, equation: &str| {
+            let mut f = Found::empty(id, "joint1", String::new());
+            f.equation = equation.to_owned();
+            f
+        };
+        let drag = found("quadratic-drag", "−k ω |ω|");
+        let friction = found("coulomb-friction", "−τ sign v");
+        let told = letters(&[drag, friction]).unwrap();
+        assert!(told.contains("v is the rate of the joint, ω is the angular velocity of the arm;"), "{told}");
+        assert_eq!(letters(&[found("body-drag", "−k |v| v, v the velocity of the body's centroid")]), None);
+        assert_eq!(letters(&[found("zero-offset", "θ + b")]), None);
+    }
 
     #[test]
     fn pieces_are_not_compared_with_windows_of_their_own_length() {

@@ -16,6 +16,8 @@ use crate::wording::symbols::symbol_plain;
 
 /// How an identification without fault ends.
 const DESCRIBE: &str = "and its equations describe the record";
+/// The same of a record that holds so little of the motion that most equations would.
+const TOO_SHORT: &str = "and its equations describe the record, which is too short to contradict them";
 /// Parameters up to which the precision of all is told, not that of half of them.
 const FEW: usize = 3;
 
@@ -66,19 +68,36 @@ fn sentence(result: &Identification) -> String {
     known.sort_by(f64::total_cmp);
     // Of few there is no half, and all are told where each is determined.
     let is_open = result.parameters.iter().any(|p| p.std_error.is_infinite());
-    let are_few = names.len() <= FEW && !is_open;
-    let (whole, at) = if are_few { ("all", known.len().saturating_sub(1)) } else { ("half", known.len() / 2) };
-    let precision = known.get(at).map_or_else(String::new, |bound| {
-        let percent = significant(100.0 * bound, 2);
-        if *bound < 1.0 {
-            format!(", {whole} of its parameters to ± {percent} % or better")
-        } else if are_few {
-            format!(", one of its parameters to no better than ± {percent} %")
-        } else {
-            format!(", half of its parameters to no better than ± {percent} %")
-        }
-    });
+    let precision = if names.len() <= FEW && !is_open {
+        of_few(result)
+    } else {
+        known.get(known.len() / 2).map_or_else(String::new, |bound| {
+            let percent = significant(100.0 * bound, 2);
+            let how = if *bound < 1.0 {
+                format!("± {percent} % or better")
+            } else {
+                format!("no better than ± {percent} %")
+            };
+            format!(", half of its parameters to {how}")
+        })
+    };
     format!("{system} was identified from {how}{precision}, {}.", stands(result))
+}
+
+/// How well each of a few parameters is known; one that may be zero is not known to any percentage.
+fn of_few(result: &Identification) -> String {
+    let estimated = result.parameters.iter().filter(|p| p.std_error > 0.0);
+    let each: Vec<f64> = estimated.map(|p| Z95 * p.std_error / p.value.abs()).collect();
+    let apart: Vec<f64> = each.iter().copied().filter(|r| *r < 1.0).collect();
+    let Some(bound) = apart.iter().copied().reduce(f64::max) else {
+        return if each.is_empty() { String::new() } else { ", none of its parameters apart from zero".to_owned() };
+    };
+    let percent = significant(100.0 * bound, 2);
+    match apart.len() {
+        n if n == each.len() => format!(", all of its parameters to ± {percent} % or better"),
+        1 => format!(", the one parameter that differs from zero to ± {percent} %"),
+        _ => format!(", those of its parameters that differ from zero to ± {percent} % or better"),
+    }
 }
 
 /// Whether the equations describe the record, as the end of a sentence.
@@ -121,6 +140,8 @@ fn by_residuals(result: &Identification) -> &'static str {
         "but over long stretches these equations miss something faint: run `whirl explain`"
     } else if result.identification_error.iter().any(|e| *e > ERROR_BOUND) {
         "and its equations leave no more of the record than the sensors' noise explains"
+    } else if is_warned(&["few-periods"]) {
+        TOO_SHORT
     } else {
         DESCRIBE
     }
@@ -259,7 +280,18 @@ mod tests {
         let mut result = identified();
         result.parameters.retain(|p| p.name.starts_with("B1") || p.name == "B22");
         let said = card(&result, &rig()).verdict;
-        assert!(said.contains("all of its parameters to ± 0.035 % or better"), "{said}");
+        assert!(said.contains("those of its parameters that differ from zero to ± 0.035 % or better"), "{said}");
+        let mut apart = result.clone();
+        apart.parameters[1].value = 4e-5;
+        let said = card(&apart, &rig()).verdict;
+        assert!(said.contains("all of its parameters to ± 49 % or better"), "{said}");
+        apart.parameters[2].value = 1e-6;
+        apart.parameters[1].value = -1e-6;
+        let said = card(&apart, &rig()).verdict;
+        assert!(said.contains("the one parameter that differs from zero to ± 0.035 %"), "{said}");
+        apart.parameters[0].value = 0.0;
+        let said = card(&apart, &rig()).verdict;
+        assert!(said.contains("none of its parameters apart from zero"), "{said}");
         result.parameters[0].std_error = f64::INFINITY;
         let said = card(&result, &rig()).verdict;
         assert!(!said.contains("all of its parameters"), "{said}");
@@ -293,6 +325,9 @@ mod tests {
         assert!(shown.undecided[1].starts_with("B₁₁ and C₂ trade off"), "{:?}", shown.undecided);
         assert!(shown.remarks[0].starts_with("The errors of B₁₁ and B₂₂ go together"), "{:?}", shown.remarks);
         assert_eq!((shown.remarks.len(), shown.undecided.len()), (1, 2));
+        let mut short = result.clone();
+        short.warnings.push(Warning::new("few-periods", "", ""));
+        assert!(card(&short, &rig).verdict.ends_with("which is too short to contradict them."));
         result.warnings.push(Warning::new("negative-gravity", "B22 is negative", "").invalidating());
         result.warnings.push(Warning::new("x", "The record runs backwards", "Turn it round").invalidating());
         let shown = card(&result, &rig);

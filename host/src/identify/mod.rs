@@ -14,6 +14,7 @@ pub mod built_in;
 pub mod card;
 pub mod chain_bias;
 pub mod energy_balance;
+mod few_periods;
 mod free_geometry;
 pub mod from_rows;
 mod geometry;
@@ -117,6 +118,7 @@ pub fn identify(records: &[Record], rig: &Rig, settings: &Settings) -> Result<Id
     let amplitude = stated_amplitude::contradicted(records, rig, &result);
     result.warnings.extend(amplitude);
     stopped::tell_in(&mut result.warnings, records, rig);
+    result.warnings.extend(few_periods::warned(records, rig));
     Ok(result)
 }
 

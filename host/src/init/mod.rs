@@ -10,6 +10,7 @@ mod drive;
 mod look;
 mod meant;
 mod raw;
+mod second_encoder;
 mod settle;
 mod system;
 mod which_arm;
@@ -169,9 +170,20 @@ pub fn draft(path: &Path, settings: &Settings) -> Result<Draft> {
         return Ok(stored);
     }
     let raw = raw::read(path, settings)?;
-    let mut seen = columns::look(&raw);
-    let (sample_rate_hz, why_rate) = raw::rate(&raw);
-    let chosen = system::choose(&raw, &seen, settings)?;
+    let seen = columns::look(&raw);
+    let (mut draft, fits) = of_system(&raw, &seen, settings)?;
+    if fits == Some(false) {
+        second_encoder::reconsider(&mut draft, &raw, &seen, settings);
+    }
+    Ok(draft)
+}
+
+/// The draft of the system that was told or that the columns suggest, and whether its equations fit
+/// them to the sensors' noise, where that could be seen.
+fn of_system(raw: &Raw, seen: &[Seen], settings: &Settings) -> Result<(Draft, Option<bool>)> {
+    let mut seen = seen.to_vec();
+    let (sample_rate_hz, why_rate) = raw::rate(raw);
+    let chosen = system::choose(raw, &seen, settings)?;
     // Whole numbers that the system makes counts of are an angle's from here on.
     let is_counted = |s: &Seen| chosen.channels.iter().any(|c| c.name == s.name && c.unit == "count");
     for s in seen.iter_mut().filter(|s| s.may_count && is_counted(s)) {
@@ -179,9 +191,9 @@ pub fn draft(path: &Path, settings: &Settings) -> Result<Draft> {
     }
     let mut why_time = raw.why.clone();
     why_time.push(why_rate);
-    let stem = path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+    let stem = raw.path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
     let mut draft = Draft {
-        record: path.to_path_buf(),
+        record: raw.path.clone(),
         at: settings.output.clone(),
         name: stem.split('.').next().unwrap_or_default().to_owned(),
         model: chosen.model,
@@ -196,14 +208,15 @@ pub fn draft(path: &Path, settings: &Settings) -> Result<Draft> {
     };
     let drive::Drives { known, possible, may_hide } = match settings.drive_hz {
         Some(hz) => drive::told(hz, sample_rate_hz)?,
-        None if chosen.may_be_driven => drive::find(&raw, &seen),
+        None if chosen.may_be_driven => drive::find(raw, &seen),
         None => drive::Drives::default(),
     };
     draft.drive = known;
-    if draft.model.is_some() {
-        settle::settle(&mut draft, &seen, settings, &settle::Possible { lines: &possible, may_hide })?;
-    }
-    Ok(draft)
+    let fits = match draft.model {
+        Some(_) => settle::settle(&mut draft, &seen, settings, &settle::Possible { lines: &possible, may_hide })?,
+        None => None,
+    };
+    Ok((draft, fits))
 }
 
 /// What to say of a record whose columns' names are no UTF-8: their units are then not read, so

@@ -55,8 +55,14 @@ pub(super) struct Possible<'a> {
     pub may_hide: bool,
 }
 
-/// Settles what the equations tell; a drive is one of those that are possible, or none.
-pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, possible: &Possible) -> Result<()> {
+/// Settles what the equations tell; a drive is one of those that are possible, or none. Whether they
+/// fit to the sensors' noise is returned, where a reading could be looked at.
+pub(super) fn settle(
+    draft: &mut Draft,
+    seen: &[Seen],
+    settings: &Settings,
+    possible: &Possible,
+) -> Result<Option<bool>> {
     let Possible { lines: possible, may_hide } = *possible;
     let rig = readable(draft, possible)?;
     let mut record = Record::read(&draft.record, &rig, &settings.options)?;
@@ -67,11 +73,11 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
     let _ = record.cut(&Part { from_s: None, to_s: Some(start + length) });
     let open = Open::of(draft, seen);
     let span_s = record.segments.iter().map(|s| s.len() as f64 * s.step_s).fold(0.0, f64::max);
-    let Some(on) = Footing::of(&record, &rig) else { return Ok(()) };
+    let Some(on) = Footing::of(&record, &rig) else { return Ok(None) };
     let look = Look { record: &record, on, span_s };
     let mut tried = look.at_all(readings(draft, &open, settings, possible));
     if tried.is_empty() {
-        return Ok(());
+        return Ok(None);
     }
     if may_hide && (tried[0].left > FITS || tried[0].draft.drive.is_none()) {
         look.beside_the_lines(&mut tried, &readings(draft, &open, settings, &[]));
@@ -90,7 +96,7 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
             let why = format!(
                 "the motion {motion} the equations of motion ask for no frequency clearly; if a shaker runs, say it with --drive-hz HZ, otherwise --drive-hz 0"
             );
-            tried.iter_mut().for_each(|t| t.draft.why_model.push(Statement::new("drive", "none", &why).unsure()));
+            tried.iter_mut().for_each(|t| t.draft.why_model.push(Statement::new("drive", "no drive", &why).unsure()));
             // What leaves least of readings that all lack the drive is no better founded than that.
             is_founded = grows_less && at_rest <= FITS;
         }
@@ -144,7 +150,7 @@ pub(super) fn settle(draft: &mut Draft, seen: &[Seen], settings: &Settings, poss
         tell_drive(draft, of_line, is_guess, &rivals);
     }
     refine(draft, &record, settings.drive_hz.is_some());
-    Ok(())
+    Ok(Some(fits))
 }
 
 /// Whether every angle's span in the last sixth of the record is below half of that in the first: a

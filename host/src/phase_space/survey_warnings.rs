@@ -14,10 +14,6 @@ pub fn few_orbits(found: usize, seconds: f64, settings: &Settings) -> Warning {
             in_seconds(seconds),
             100.0 * tolerance
         ),
-        format!(
-            "Raise the tolerance to {} %, or record {:.0} min",
-            160.0 * tolerance,
-            (seconds / 15.0).ceil().max(10.0)
-        ),
+        format!("Record {:.0} min", (seconds / 15.0).ceil().max(10.0)),
     )
 }

@@ -10,10 +10,31 @@ pub fn marked(text: &str) -> String {
     let mut out = String::new();
     let mut rest = text;
     while let Some((before, code, after)) = split_code(rest) {
-        out.push_str(&format!("{}<code>{}</code>", escape(before), escape(code)));
+        out.push_str(&format!("{}<code>{}</code>", escape(&joined(before)), escape(code)));
         rest = after;
     }
-    out.push_str(&escape(rest));
+    out.push_str(&escape(&joined(rest)));
+    out
+}
+
+/// A text in which no line breaks behind a sign ±, before %, between the factors of a unit, or within
+/// the brackets of a number with its interval.
+fn joined(text: &str) -> String {
+    const FACTORS: [&str; 5] = ["N", "m", "kg", "V", "A"];
+    let words: Vec<&str> = text.split(' ').collect();
+    let mut out = String::with_capacity(text.len());
+    for (i, word) in words.iter().enumerate() {
+        if i > 0 {
+            let before = words[i - 1];
+            let plain = word.trim_end_matches(['.', ',', ';', ':', ')']);
+            let is_unit = |w: &str| w.starts_with(['m', 's', 'N', 'k']) && w.chars().count() <= 3 && !w.is_ascii();
+            let is_factor = FACTORS.contains(&before) && (is_unit(plain) || FACTORS.contains(&plain) || plain == "s");
+            let is_bracket = *word == "±" && before.starts_with('(');
+            let is_one = plain == "%" || before == "±" || is_factor || is_bracket;
+            out.push(if is_one { '\u{a0}' } else { ' ' });
+        }
+        out.push_str(word);
+    }
     out
 }
 
@@ -51,7 +72,7 @@ impl Html {
 
     /// Escaped text.
     pub fn text(text: &str) -> Self {
-        Self(escape(text))
+        Self(escape(&joined(text)))
     }
 
     /// A parameter's symbol, see [`crate::wording::symbols::symbol_html`].
@@ -152,6 +173,14 @@ mod tests {
         h.paragraph(nasty).heading(nasty).facts(&[(nasty, nasty.to_owned())]);
         h.table(&[(Html::text(nasty), Align::Left)], &[vec![Html::symbol(nasty)], vec![]]);
         assert!(!h.0.contains("<script"));
+    }
+
+    #[test]
+    fn numbers_stay_with_their_signs_and_units() {
+        let of = |text: &str| joined(text).replace('\u{a0}', "_");
+        assert_eq!(of("to ± 0.3 %, of 95 % (7.5 ± 0.7)·10⁻⁴"), "to ±_0.3_%, of 95_% (7.5_±_0.7)·10⁻⁴");
+        assert_eq!(of("0.05 N m s², 2 kg m², 3 N m s"), "0.05 N_m_s², 2 kg_m², 3 N_m_s");
+        assert_eq!(of("A motion  of m and a"), "A motion  of m and a");
     }
 
     #[test]

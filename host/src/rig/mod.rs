@@ -174,6 +174,17 @@ pub struct Rig {
     pub bound: Option<Arc<measures::ObservedModel>>,
 }
 
+/// That an effect file is not there which a rig file names.
+fn no_effects(path: &Path, text: &str, file: &Path) -> BadInput {
+    let name = file.display().to_string();
+    let is_named = |l: &str| !l.trim_start().starts_with('#') && l.contains(&name);
+    let line = text.lines().position(is_named).map_or_else(String::new, |i| format!(", line {}", i + 1));
+    BadInput::new(format!("\"{name}\", which does not exist"), "an effect file")
+        .in_file(path)
+        .at(format!("effects{line}"))
+        .remedy("Name a file that exists; paths begin at the rig file's folder")
+}
+
 /// Refuses known quantities other than [`KNOWN`]'s, above 0.
 fn check_known(known: &BTreeMap<String, f64>, path: &Path) -> Result<()> {
     let bad = |key: &str, found: String, expected: String| {
@@ -218,7 +229,11 @@ impl Rig {
         let mut rig = Self::parse_for(text, path, choices, rate)?;
         let folder = path.parent().unwrap_or(Path::new("")).to_path_buf();
         for file in core::mem::take(&mut rig.effect_files) {
-            rig.add_effects(&folder.join(file))?;
+            let whole = folder.join(&file);
+            if !whole.exists() {
+                return Err(no_effects(path, text, &file));
+            }
+            rig.add_effects(&whole)?;
         }
         rig.bound = measures::bind(&rig)?;
         Ok(rig)

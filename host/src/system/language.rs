@@ -17,6 +17,7 @@ use crate::error::{BadInput, Result};
 use crate::model::model_file::toml_place::{Source, Value};
 use crate::model::model_file::units::Unit;
 use crate::model::model_file::{Coordinate, ModelFile, Space};
+use crate::wording::close::did_you_mean;
 
 /// Keys of a system file.
 pub(crate) const KEYS: [&str; 16] = [
@@ -124,7 +125,7 @@ impl Reader<'_> {
             let counted_in = match unit {
                 "angle" => Unit::default(),
                 "length" => Unit::parse("m").unwrap_or_default(),
-                _ => self.unit(value)?,
+                _ => self.unit_beside(value, &["angle", "length"])?,
             };
             self.measures.insert(name.to_owned(), Measure::declared(unit, &counted_in, Role::Coordinate));
             out.push((Coordinate { name: name.to_owned(), space }, unit.to_owned()));
@@ -139,14 +140,21 @@ impl Reader<'_> {
     }
 
     fn unit(&self, value: &Value<'_>) -> Result<Unit> {
+        self.unit_beside(value, &[])
+    }
+
+    /// A unit where some words may stand as well.
+    fn unit_beside(&self, value: &Value<'_>, words: &[&str]) -> Result<Unit> {
         let text = self.source.text(value, "a unit in quotes, such as \"kg m^2\"")?;
         let bad = |expected: String| self.source.bad(value.span().start, format!("the unit \"{text}\""), expected);
         let remedy = "Write products with blanks and powers with ^";
         match Unit::known(text) {
             Some(Ok(unit)) => Ok(unit),
             Some(Err(name)) => {
-                let what = format!("units that are known, and \"{name}\" is none of {}", Unit::names());
-                Err(bad(what).remedy(format!("{remedy}, such as \"N m\" or \"kg m^2\"")))
+                let words: String = words.iter().map(|word| format!("{word}, ")).collect();
+                let what = format!("units that are known, and \"{name}\" is none of {words}{}", Unit::names());
+                let meant = did_you_mean(&name, words.split(", ").filter(|w| w.len() > 1));
+                Err(bad(what).remedy(format!("{meant}{remedy}, such as \"N m\" or \"kg m^2\"")))
             }
             None => Err(bad("a unit such as \"kg m^2\", \"N m/A\" or \"1\"".to_owned()).remedy(remedy)),
         }

@@ -215,6 +215,8 @@ fn mistakes_are_told_with_their_place() {
         ("phi2 = \"angle\"", "phi1 = \"angle\"", "line 3, column 33", "the key \"phi1\" a second time"),
         ("gravity = \"down\"", "gravity = \"up\"", "line 4, column 12", "the name \"up\""),
         ("l1 = \"m\"", "l1 = \"m^\"", "line 5, column 58", "the unit \"m^\""),
+        ("= \"angle\"", "= \"angel\"", "line 2", "none of angle, length, m, km"),
+        ("= \"angle\"", "= \"angel\"", "line 2", "Did you mean angle?"),
         ("l1 = \"m\"", "l1 = \"metre\"", "line 5, column 58", "and \"metre\" is none of m, km, cm"),
         ("a_s*sin(tau)]", "a_s*sin(tua)]", "line 8, column 36", "the name \"tua\""),
         ("a_s*sin(tau)]", "a_s*sen(tau)]", "line 8, column 32", "the function \"sen\""),

@@ -198,10 +198,8 @@ fn law<'a, 'i>(r: &Reader<'_>, t: &'a DeTable<'i>, at: usize, place: At) -> Resu
 fn strengths(r: &Reader<'_>, t: &DeTable<'_>, at: usize) -> Result<Vec<String>> {
     let v = r.source.effect_key(t, at..at, "strengths", "a list of names such as [\"k\"]")?;
     let DeValue::Array(list) = v.get_ref() else {
-        return Err(r
-            .source
-            .bad(v.span().start, described(v.get_ref()), "a list such as [\"k\"]")
-            .remedy("Write a list"));
+        let e = r.source.bad(v.span().start, described(v.get_ref()), "a list such as [\"k\"]");
+        return Err(e.remedy("Write a list"));
     };
     let mut out: Vec<String> = Vec::new();
     for item in list {
@@ -210,10 +208,8 @@ fn strengths(r: &Reader<'_>, t: &DeTable<'_>, at: usize) -> Result<Vec<String>> 
         out.push(name.to_owned());
     }
     if out.is_empty() || out.len() > 4 {
-        return Err(r
-            .source
-            .bad(v.span().start, format!("{} strengths", out.len()), "one to four")
-            .remedy("Name what enters linearly"));
+        let e = r.source.bad(v.span().start, format!("{} strengths", out.len()), "one to four");
+        return Err(e.remedy("Name what enters linearly"));
     }
     Ok(out)
 }
@@ -224,10 +220,11 @@ fn signs(r: &Reader<'_>, t: &DeTable<'_>, strengths: &[String]) -> Result<Vec<bo
         match strengths.iter().position(|s| s == name) {
             Some(k) if r.source.text(v, "\"+\"")? == "+" => out[k] = true,
             Some(_) => {
-                return Err(r
-                    .source
-                    .bad(v.span().start, described(v.get_ref()), "\"+\"")
-                    .remedy("Turn the law's sign, so that the strength is positive"));
+                let remedy = match v.get_ref().as_str() {
+                    Some("-" | "−" | "minus") => "Turn the law's sign, so that the strength is positive",
+                    _ => "Write \"+\" where it is positive by its nature; where it may be of either sign, leave it out",
+                };
+                return Err(r.source.bad(v.span().start, described(v.get_ref()), "\"+\"").remedy(remedy));
             }
             None => {
                 return Err(r
@@ -269,10 +266,8 @@ fn shapes(r: &Reader<'_>, t: &DeTable<'_>, taken: &mut Vec<String>) -> Result<Ve
         // A word of the place would be read in its stead, and the grid tried in vain.
         check_name(r.source, at, name, taken)?;
         if out.len() == MOST_SHAPES {
-            return Err(r
-                .source
-                .bad(at, format!("more than {MOST_SHAPES} shapes"), format!("1 to {MOST_SHAPES}"))
-                .remedy("Use fewer"));
+            let e = r.source.bad(at, format!("more than {MOST_SHAPES} shapes"), format!("1 to {MOST_SHAPES}"));
+            return Err(e.remedy("Use fewer"));
         }
         taken.push(name.to_owned());
         let DeValue::Table(keys) = v.get_ref() else {
@@ -285,11 +280,14 @@ fn shapes(r: &Reader<'_>, t: &DeTable<'_>, taken: &mut Vec<String>) -> Result<Ve
                 let within = keys.get("within").map(|w| numbers(r, w, 2)).transpose()?;
                 let all = (f64::NEG_INFINITY, f64::INFINITY);
                 let (low, high) = within.as_ref().map_or(all, |w| (w[0], w[1]));
-                if low >= high || grid.iter().any(|x| *x < low || *x > high) {
-                    return Err(r
-                        .source
-                        .bad(at, format!("a grid of {name} outside of {low} to {high}"), "a grid within its bounds")
-                        .remedy("Correct within"));
+                if low >= high {
+                    let e = r.source.bad(at, format!("within = [{low}, {high}]"), "the lower bound first");
+                    return Err(e.remedy(format!("Write within = [{high}, {low}]")));
+                }
+                if grid.iter().any(|x| *x < low || *x > high) {
+                    let found = format!("a grid of {name} outside of {low} to {high}");
+                    let e = r.source.bad(at, found, "a grid within its bounds");
+                    return Err(e.remedy("Widen within, or leave out what lies beyond it"));
                 }
                 Shape { name: name.to_owned(), grid, within: within.map(|w| [w[0], w[1]]), of_lines: false }
             }

@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 
 use crate::explain::engine::residual_map::Map;
 use crate::explain::engine::unknown::Unknown;
+use crate::explain::presentation::letters;
 use crate::explain::{Explanation, Found, Ranked};
 use crate::report::figures::Figure;
 use crate::report::figures::axis::Axis;
@@ -51,8 +52,11 @@ fn one(body: &mut Html, e: &Explanation) {
         let of = e.maps.iter().filter(|m| m.equation == equation);
         let panels: Vec<Panel> = of.map(|m| map(m, e.maps_before.iter().find(|b| b.of(m)))).collect();
         let layout = Layout { columns: 2, height: 150.0, ..Layout::default() };
+        let is_changed = e.maps.iter().any(|m| m.equation == equation && e.maps_before.iter().any(|b| b.of(m)));
+        // Where nothing was added there is one mean residual.
+        let when = if is_changed { " before the first effect was added and after the last one" } else { "" };
         let caption = format!(
-            "What is left of equation of motion {equation}: mean residual before the first effect was added and after the last one, with the 95 % band that the sensors' noise alone gives."
+            "What is left of equation of motion {equation}: mean residual{when}, with the 95 % band that the sensors' noise alone gives."
         );
         body.figure(&Figure::draw(caption, &layout, &panels));
     }
@@ -194,6 +198,9 @@ fn effects(body: &mut Html, found: &[Found]) {
         })
         .collect();
     body.table(&heads, &rows);
+    if let Some(words) = letters(found) {
+        body.paragraph(&format!("{words}."));
+    }
 }
 
 fn map(m: &Map, before: Option<&Map>) -> Panel {

@@ -163,7 +163,7 @@ mod tests {
             notes: vec!["B11/B21 = C12/C2 & so on".into()],
         });
         let html = render(&results).unwrap().0;
-        assert!(html.contains("0.11312 ± 0.00004") && html.contains("<td class=n>1.0</td>"), "{html}");
+        assert!(html.contains("0.11312 ±\u{a0}0.00004") && html.contains("<td class=n>1.0</td>"), "{html}");
         assert!(html.contains("weak form &lt;x&gt;") && html.contains("&amp; so on") && !html.contains("NaN"));
         assert!(render(&Results::new()).is_none());
     }

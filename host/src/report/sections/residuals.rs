@@ -53,6 +53,6 @@ mod tests {
             }],
         });
         let html = render(&results).unwrap().0;
-        assert!(html.contains("9.40 %") && html.contains("<svg") && html.contains("sub-harmonics"), "{html}");
+        assert!(html.contains("9.40\u{a0}%") && html.contains("<svg") && html.contains("sub-harmonics"), "{html}");
     }
 }
