@@ -169,6 +169,10 @@ fn told_otherwise(text: &str, entry: &Entry, given: &Text<'_>, (form, strengths)
 
 /// Refuses a strength below 0 of one that is positive by its nature: friction that drives.
 fn of_their_sign(text: &str, entry: &Entry, strengths: &[f64]) -> Result<()> {
+    // What takes from another law may take from its other half.
+    if entry.takes_from.is_some() {
+        return Ok(());
+    }
     let mut all = entry.strengths.iter().zip(strengths).zip(&entry.positive);
     let Some(((name, x), _)) = all.find(|((_, x), positive)| **positive && **x < 0.0) else { return Ok(()) };
     let expected = format!("0 or more: {} says sign = {{ {name} = \"+\" }}", entry.id);

@@ -165,7 +165,7 @@ fn other_number(e: &Explanation) -> Option<&DecidedBy> {
 /// What a verdict rests on, where that is a part of the record.
 fn rests_on(e: &Explanation) -> &'static str {
     if e.warnings.iter().any(|w| w.id == LOCKS_LATER) {
-        " This rests on the record's beginning, until the motion had locked to its drive: one orbit tells no effects apart."
+        " This rests on the record's beginning, before or while the motion locked to its drive: one orbit tells no effects apart."
     } else {
         ""
     }

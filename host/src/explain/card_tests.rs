@@ -42,7 +42,9 @@ fn the_sentence_says_what_and_by_how_much() {
     locks.warnings.push(crate::warning::Warning::new(LOCKS_LATER, "", ""));
     let told = super::card(&locks, &rig()).verdict;
     assert!(
-        told.contains("noise is left. This rests on the record's beginning, until the motion had locked to its drive"),
+        told.contains(
+            "noise is left. This rests on the record's beginning, before or while the motion locked to its drive"
+        ),
         "{told}"
     );
     let row = &card.parameters[0];

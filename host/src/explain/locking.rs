@@ -30,7 +30,11 @@ pub(super) fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Res
         let end = |(r, end): (&Record, &f64)| until(r, longer(r, *end, by));
         outlying::explain(&records.iter().zip(&ends).map(end).collect::<Result<Vec<_>>>()?, rig, settings)
     };
-    for by in PARTS {
+    let is_all = |by: f64| {
+        let ends = records.iter().zip(&ends).map(|(r, end)| (r.segments.last(), longer(r, *end, by)));
+        ends.into_iter().all(|(last, end)| last.is_none_or(|s| s.time(s.len()) <= end))
+    };
+    for by in PARTS.into_iter().filter(|by| !is_all(*by)) {
         if let Some(mut again) = part(by).ok().filter(|a| a.verdict != Verdict::NotDecidable) {
             again.warnings.extend(records.iter().zip(&ends).map(|(r, end)| told(r, *end, by)));
             return Ok(again);
@@ -40,8 +44,8 @@ pub(super) fn explain(records: &[Record], rig: &Rig, settings: &Settings) -> Res
 }
 
 /// What is explained of a record, in the time after which it repeats: that alone; where it is too
-/// short for windows (a rotor settles within a dozen turns), so much of what follows as well that
-/// the whole is found to repeat no more than it does not.
+/// short for windows (a rotor settles within a dozen turns), so many times as much, with the first of
+/// what repeats.
 const PARTS: [f64; 4] = [1.0, 2.5, 6.0, 15.0];
 
 /// The end of a part that is so many times longer than what comes before `end_s`, s.
@@ -69,7 +73,7 @@ fn told(record: &Record, end_s: f64, by: f64) -> Warning {
         until => format!("What came before is short: the record is explained until {until}"),
     };
     let advice = format!("{explained}; one orbit cannot tell effects apart (`whirl plan` proposes settings)");
-    Warning::new(LOCKS_LATER, text, advice).with("from_s", end_s)
+    Warning::new(LOCKS_LATER, text, advice).with("from_s", end_s).with("until_s", longer(record, end_s, by).min(last_s))
 }
 
 #[cfg(test)]

@@ -130,8 +130,10 @@ pub fn letters(effects: &[Found]) -> Option<String> {
         entry.is_some_and(|e| matches!(e.at, At::Joint | At::Arm))
     };
     let has = |text: &str, letter: &str| {
-        let is_told = text.contains(&format!("{letter} the "));
-        !is_told && text.split(|c: char| !c.is_alphanumeric() && c != '_').any(|word| word == letter)
+        let is_told = ["", "(s)"].iter().any(|of| text.contains(&format!("{letter}{of} the ")));
+        // Raised digits are no letters of a name.
+        !is_told
+            && text.split(|c: char| !c.is_alphabetic() && !c.is_ascii_digit() && c != '_').any(|word| word == letter)
     };
     let stands = |letter: &str| effects.iter().filter(is_mechanical).any(|f| has(&f.equation, letter));
     let all = [

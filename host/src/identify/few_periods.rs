@@ -17,6 +17,8 @@ use crate::wording::format::{in_seconds, several};
 const FEWEST: usize = 3;
 /// Share of a sensor's span by which it must turn back (by hand).
 const TURNS: f64 = 0.05;
+/// Rows in which something may be seen to be at rest.
+const REST_ROWS: usize = 10;
 /// Share of the span that the last third of a motion that has come to rest keeps below.
 const RESTS: f64 = 0.1;
 /// Steps of a sensor that a motion must span.
@@ -31,7 +33,8 @@ pub fn warned(records: &[Record], rig: &Rig) -> Option<Warning> {
     }
     let all: Vec<Motion> = records.iter().flat_map(motions).filter(|m| !m.derived).collect();
     let moving = || all.iter().filter(|m| m.stretches.iter().any(|x| span(x) > STEPS * m.step));
-    if moving().any(|m| m.stretches.iter().any(|x| comes_to_rest(x))) {
+    let rests = |m: &Motion| m.stretches.iter().any(|x| span(x) > STEPS * m.step && comes_to_rest(x));
+    if moving().any(rests) {
         return None;
     }
     // Of several records each adds what it holds.
@@ -66,7 +69,7 @@ fn span(x: &[f64]) -> f64 {
 }
 
 fn comes_to_rest(x: &[f64]) -> bool {
-    span(&x[x.len() - x.len() / 3..]) < RESTS * span(x)
+    x.len() >= 3 * REST_ROWS && span(&x[x.len() - x.len() / 3..]) < RESTS * span(x)
 }
 
 /// How often a series turns back by more than a share of its span.

@@ -178,7 +178,8 @@ impl Steady {
         let (needed, longest) = (found.needed(step_s), longest(&self.stretches));
         let Measured { sensors, geometry } = found;
         if longest < needed {
-            let nan_rows: u64 = records.iter().map(|r| r.losses.nan_rows).sum();
+            let is_cut = self.stretches.len() > records.len();
+            let nan_rows: u64 = records.iter().filter(|_| is_cut).map(|r| r.losses.nan_rows).sum();
             // Of a free system the shortest window was tried where none is asked for.
             let can_shorten = rig.drive.is_some() || settings.window_s.is_some();
             let remedy = remedy(records, self.stretches.len(), &longer(can_shorten, step_s));
@@ -198,13 +199,13 @@ fn remedy(records: &[Record], stretches: usize, longer: &str) -> String {
     let is_left_out =
         |w: &&Warning| w.details.get("left_out").and_then(serde_json::Value::as_u64).is_some_and(|n| n > 0);
     let otherwise = format!("Otherwise {}{}", longer[..1].to_lowercase(), &longer[1..]);
-    if records.iter().any(|r| r.losses.nan_rows > 0) {
+    if stretches <= records.len() {
+        longer.to_owned()
+    } else if records.iter().any(|r| r.losses.nan_rows > 0) {
         "Find out why the sensor gives no number there; --resample bridges short gaps. Otherwise record longer".into()
     } else if records.iter().any(|r| r.losses.gaps > 0) {
         format!("Gaps cut the record: --resample bridges short ones. {otherwise}")
-    } else if let Some(w) =
-        records.iter().flat_map(|r| &r.warnings).find(is_left_out).filter(|_| stretches > records.len())
-    {
+    } else if let Some(w) = records.iter().flat_map(|r| &r.warnings).find(is_left_out) {
         format!("Rows that are left out cut the record: {}. {}. {otherwise}", w.text, w.advice)
     } else {
         longer.to_owned()

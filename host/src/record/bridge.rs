@@ -8,14 +8,16 @@
 //! v_m = ⟨(x − Σ w_j x_j)²/(1 + Σ w_j²)⟩
 //!
 //! is σ² where noise is all that it misses by, and falls with m where motion is. Gaps of a length
-//! are filled where v of two successive m agree for every sensor, by the lesser m. What acts is
+//! are filled where v of an m agrees with those of all greater ones for every sensor, by the least. What acts is
 //! known and has no noise: a column that mostly repeats itself (a command that is held) is filled
 //! by the row before, another by the best m where that misses by little of its scatter. A record
 //! without noise keeps its gaps; one that is sampled too coarsely for its motion does too.
 //!
 //! What follows a gap must go on from what came before it: the first row behind is compared with
 //! the polynomial through the last ones before, by the scatter of the same comparison within
-//! stretches. So releases of a motion stay apart, and counts that an encoder lost in the gap do.
+//! stretches. So releases of a motion stay apart, and so do leaps of an encoder that stand clear of
+//! that scatter. Values are made of rows that were recorded, as many as in the trial: two gaps with
+//! fewer between them part stretches. So does every gap of a record that lost more than a tenth.
 
 use super::segments::plural;
 use super::{Column, Record, Segment};
@@ -26,7 +28,7 @@ use crate::warning::Warning;
 const LONGEST: usize = 3;
 /// Most rows on each side that a value is made of.
 const SIDE: usize = 4;
-/// Ratio of v_m to v_{m+1} up to which they agree: what motion adds is then a third of the noise's
+/// Ratio of v_m to those of greater m up to which they agree: what motion adds is then a third of the noise's
 /// power at most.
 const AGREE: f64 = 1.3;
 /// Fewest places for the trial: with them v scatters by a fifth.
@@ -37,6 +39,8 @@ const MOST: usize = 20_000;
 /// filled value may miss by: a row of thousands is then wrong by that.
 const NOISE: f64 = 0.3;
 const ACTING: f64 = 0.02;
+/// Most rows of a record that are filled (by hand: standard errors take them for measured).
+const MOST_FILLED: f64 = 0.1;
 /// Scatters within which a row behind a gap goes on from those before it.
 const GOES_ON: f64 = 6.0;
 /// Most parts of a step by which a stretch may be off the clock of the one before.
@@ -56,10 +60,12 @@ pub(super) struct Filled {
 impl Filled {
     /// What is said of it, where some were filled; `stretches` are left.
     pub(super) fn warning(self, stretches: u64) -> Option<Warning> {
-        let (rows, row) = (plural(self.rows, "missing row"), plural(self.longest as u64, "row"));
-        let were = if self.rows == 1 { "was" } else { "were" };
+        let (rows, row) = (plural(self.rows, "row"), plural(self.longest as u64, "row"));
+        let (are, were) = if self.rows == 1 { ("is", "was") } else { ("are", "were") };
         let left = plural(stretches, "unbroken stretch");
-        let text = format!("{rows} in gaps of up to {row} {were} filled from the rows around them; {left} left");
+        let text = format!(
+            "{rows} that {are} missing or left out, in gaps of up to {row}, {were} filled from those around; {left} left"
+        );
         let advice = "Tried on rows that are there, such values miss by no more than the sensors' noise";
         (self.rows > 0).then(|| Warning::new("gaps-filled", text, advice))
     }
@@ -72,6 +78,16 @@ enum Filling {
     Repeat,
     /// Polynomial through so many rows on each side.
     Polynomial(usize),
+}
+
+impl Filling {
+    /// Rows before and behind a gap that a value is made of.
+    fn sides(self) -> (usize, usize) {
+        match self {
+            Self::Repeat => (1, 0),
+            Self::Polynomial(m) => (m, m),
+        }
+    }
 }
 
 /// What the trial found for gaps of a length: of each channel its filling, and degree and scatter
@@ -91,13 +107,19 @@ pub(super) fn fill(record: &mut Record, moduli: &[Option<f64>], sensors: &[usize
     if trials.iter().all(Option::is_none) {
         return filled;
     }
+    let short: usize = gaps.iter().flatten().sum();
+    if short as f64 > MOST_FILLED * record.samples() as f64 {
+        return filled;
+    }
     let (mut out, mut clocks): (Vec<Segment>, Vec<Clock>) = (Vec::new(), Vec::new());
     for (k, next) in std::mem::take(&mut record.segments).into_iter().enumerate() {
         let gap = k.checked_sub(1).and_then(|k| gaps[k]).and_then(|lost| Some((lost, trials[lost - 1].as_ref()?)));
         let joined = match (gap, out.last_mut(), clocks.last_mut()) {
             (Some((lost, trial)), Some(last), Some(clock)) => turns(last, &next, lost, trial, moduli).map(|turns| {
                 clock.add(last.len() + lost, &next);
+                let first = last.len();
                 join(last, &next, lost, trial, &turns);
+                last.filled.push(first..first + lost);
                 filled.gaps += 1;
                 filled.rows += lost as u64;
                 filled.longest = filled.longest.max(lost);
@@ -174,7 +196,8 @@ fn side<'a, W: Iterator<Item = &'a [f64]>>(windows: impl Fn() -> W, lost: usize,
     };
     let v: Vec<f64> = (1..=SIDE).map(missed).collect();
     if shows {
-        return (1..SIDE).find(|m| v[m - 1] <= AGREE * v[*m]).filter(|m| v[m - 1] <= NOISE * NOISE * variance);
+        let agree = |m: &usize| v[*m..].iter().all(|other| v[m - 1] <= AGREE * other);
+        return (1..SIDE).find(agree).filter(|m| v[m - 1] <= NOISE * NOISE * variance);
     }
     let best = (1..=SIDE).min_by(|a, b| v[a - 1].total_cmp(&v[b - 1]))?;
     (v[best - 1] <= ACTING * ACTING * variance).then_some(best)
@@ -183,12 +206,27 @@ fn side<'a, W: Iterator<Item = &'a [f64]>>(windows: impl Fn() -> W, lost: usize,
 /// Whole turns, as values, that put every channel of a stretch behind a gap where the one before it
 /// leads to; none where a channel does not go on.
 fn turns(a: &Segment, b: &Segment, lost: usize, trial: &Trial, moduli: &[Option<f64>]) -> Option<Vec<f64>> {
+    let recorded = a.len() - a.filled.last().map_or(0, |f| f.end);
     let of = |(k, (filling, degree, scatter)): (usize, &(Filling, usize, f64))| {
-        let rows = (*degree + 1).min(a.len());
+        let (left, right) = filling.sides();
+        if recorded < left.max(*degree + 1) || b.len() < right {
+            return None;
+        }
+        let rows = *degree + 1;
         let last = tail(&a.columns[k], rows);
         let led = dot(&lagrange(&before(rows - 1), lost as f64 + 1.0), &last);
         let first = value(&b.columns[k], 0);
-        let turns = moduli.get(k).copied().flatten().map_or(0.0, |m| m * ((led - first) / m).round());
+        let modulus = moduli.get(k).copied().flatten();
+        // Which way round is not known.
+        if modulus.is_some_and(|m| GOES_ON * scatter >= 0.5 * m) {
+            return None;
+        }
+        let turns = modulus.map_or(0.0, |m| m * ((led - first) / m).round());
+        if let Column::Counts(b) = &b.columns[k]
+            && b.iter().any(|c| (f64::from(*c) + turns).abs() >= f64::from(i32::MAX))
+        {
+            return None;
+        }
         let goes_on = *filling == Filling::Repeat || (first + turns - led).abs() <= GOES_ON * scatter;
         goes_on.then_some(turns)
     };
@@ -198,10 +236,7 @@ fn turns(a: &Segment, b: &Segment, lost: usize, trial: &Trial, moduli: &[Option<
 /// Appends `lost` rows and a stretch.
 fn join(a: &mut Segment, b: &Segment, lost: usize, trial: &Trial, turns: &[f64]) {
     for ((k, column), (filling, _, _)) in a.columns.iter_mut().enumerate().zip(trial) {
-        let (left, right) = match filling {
-            Filling::Repeat => (1, 0),
-            Filling::Polynomial(m) => ((*m).min(column.len()), (*m).min(b.len())),
-        };
+        let (left, right) = filling.sides();
         let mut nodes = tail(column, left);
         nodes.extend((0..right).map(|i| value(&b.columns[k], i) + turns[k]));
         let places = around(left, right, lost);
@@ -233,7 +268,8 @@ fn join(a: &mut Segment, b: &Segment, lost: usize, trial: &Trial, turns: &[f64])
 /// The drive's phase over a gap: its last advance goes on, what is left is shared out evenly.
 fn fill_phase(a: &mut Vec<u32>, b: &[u32], lost: usize) {
     let (Some(&last), Some(&next)) = (a.last(), b.first()) else { return };
-    let advance = a.len().checked_sub(2).map_or(0, |i| last.wrapping_sub(a[i]));
+    let after = || b.get(1).map_or(0, |second| second.wrapping_sub(next));
+    let advance = a.len().checked_sub(2).map_or_else(after, |i| last.wrapping_sub(a[i]));
     let steps = lost as u32 + 1;
     // Two's complement: the shorter way round.
     let left = next.wrapping_sub(last.wrapping_add(advance.wrapping_mul(steps))) as i32;

@@ -70,10 +70,12 @@ impl Record {
             let end = pair[0].first_tick.saturating_add(pair[0].len() as i64);
             u64::try_from(pair[1].first_tick.saturating_sub(end)).unwrap_or(0)
         };
+        let filled = || self.segments.iter().flat_map(|s| &s.filled);
+        let rows = filled().map(|f| f.len() as u64).sum::<u64>();
         self.losses = Losses {
-            received: self.samples() as u64,
-            lost_on_link: self.segments.windows(2).map(missing).fold(0, u64::saturating_add),
-            gaps: self.segments.len() as u64 - 1,
+            received: self.samples() as u64 - rows,
+            lost_on_link: self.segments.windows(2).map(missing).fold(rows, u64::saturating_add),
+            gaps: self.segments.len() as u64 - 1 + filled().count() as u64,
             restarts: self.segments.windows(2).filter(|pair| pair[0].boot != pair[1].boot).count() as u64,
             ..Losses::default()
         };

@@ -113,6 +113,8 @@ pub struct Segment {
     pub phase: Option<Vec<u32>>,
     /// Commanded amplitude of the base at each sample, nm, where the device recorded it.
     pub amplitude_nm: Option<Vec<u32>>,
+    /// Samples that were not recorded: short gaps, filled from the rows around them.
+    pub filled: Vec<Range<usize>>,
 }
 
 /// Samples of one channel.
@@ -152,7 +154,9 @@ impl Column {
 impl Segment {
     /// Columns of equal length, of which nothing else was recorded.
     pub fn new(start_s: f64, step_s: f64, columns: Vec<Column>) -> Self {
-        Self { first_tick: 0, boot: 0, start_s, step_s, jitter_s: 0.0, columns, phase: None, amplitude_nm: None }
+        let (first_tick, boot, jitter_s) = (0, 0, 0.0);
+        let (phase, amplitude_nm, filled) = (None, None, Vec::new());
+        Self { first_tick, boot, start_s, step_s, jitter_s, columns, phase, amplitude_nm, filled }
     }
 
     /// Number of samples.
@@ -189,7 +193,17 @@ impl Segment {
             columns: columns.collect(),
             phase: words(&self.phase),
             amplitude_nm: words(&self.amplitude_nm),
+            filled: self.filled_within(&rows),
         }
+    }
+
+    /// What was filled of these rows, counted from their first.
+    pub fn filled_within(&self, rows: &Range<usize>) -> Vec<Range<usize>> {
+        let within = |f: &Range<usize>| {
+            let part = f.start.max(rows.start)..f.end.min(rows.end);
+            (part.start < part.end).then(|| part.start - rows.start..part.end - rows.start)
+        };
+        self.filled.iter().filter_map(within).collect()
     }
 
     /// Time of sample i, s.

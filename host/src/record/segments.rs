@@ -187,6 +187,7 @@ fn segments(
             columns,
             phase,
             amplitude_nm,
+            filled: Vec::new(),
         }
     };
     parts.map(segment).collect()

@@ -128,6 +128,7 @@ impl Whole {
             columns: self.columns.iter().map(column).collect(),
             phase: own(&self.phase),
             amplitude_nm: own(&self.amplitude_nm),
+            filled: self.shell.filled_within(&(from..to)),
             ..self.shell.clone()
         }
     }

@@ -97,7 +97,7 @@ impl Recorder<'_> {
                     losses.overruns,
                     losses.dropped_by_device
                 ),
-                "Nothing is interpolated; check cable and baud rate (lost, damaged) or the firmware's load (overrun, dropped)",
+                "Nothing is written in their place; check cable and baud rate (lost, damaged) or the firmware's load (overrun, dropped)",
             ));
         }
         let rows = self.rows.as_ref().map(|rows| RowsOutcome {

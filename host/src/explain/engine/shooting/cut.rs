@@ -9,7 +9,8 @@
 //! sensor for each coordinate a block has eight samples at least. What a model lacks is alike for
 //! half a swing; shorter blocks would leave in what is held out what was fitted beside it. Blocks of
 //! long records are longer; only where [`FEWEST_BLOCKS`] windows of 32 samples find no room are
-//! these the bounds.
+//! these the bounds. Where a record is long enough, a block has room for a prediction over the
+//! horizon, too: the gap is measured in blocks that are held out.
 
 use std::ops::Range;
 
