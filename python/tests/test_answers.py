@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 import whirl
-from whirl import _whirl
+from whirl import _results, _whirl
 
 #: Options that `identify` passes on without naming them.
 OF_HARMONIC_BALANCE = {"basis", "beta", "delay", "differentiation", "energy_balance", "error_bound", "known_coefficient",
@@ -66,6 +66,11 @@ def test_a_result_has_parameters_that_print(m):
     with pytest.raises(KeyError, match="parameter: found 'B99', expected one of ") as caught:
         m["B99"]
     assert isinstance(caught.value, whirl.Error) and "B11" in caught.value.expected
+
+
+def test_a_value_that_rounds_to_zero_has_no_sign():
+    told = [_results.plus_minus(value, 0.016) for value in (-0.0001, -0.31)]
+    assert told == ["0.000 ± 0.016", "-0.310 ± 0.016"]
 
 
 def test_what_is_printed_opens_with_the_verdict(m, e, v):

@@ -41,7 +41,9 @@ def show_in(report: Name, names: Mapping[str, str]) -> None:
 def _number(value: Optional[float], decimals: Optional[int] = None) -> str:
     if value is None:
         return "—"
-    return f"{value:.6g}" if decimals is None else f"{value:.{decimals}f}"
+    text = f"{value:.6g}" if decimals is None else f"{value:.{decimals}f}"
+    # Of -0.000 nothing is below zero.
+    return text if text.strip("-0.") else text.lstrip("-")
 
 
 def plus_minus(value: Optional[float], half: Optional[float]) -> str:

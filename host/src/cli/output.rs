@@ -28,7 +28,8 @@ pub struct Output {
 /// nothing recorded is replaced.
 #[derive(Clone, Copy, Debug, Default, Args)]
 pub struct Replace {
-    /// Replace a record or rig file that an output names (never one that this command reads).
+    /// Replace a record or rig file, where an output names one that exists (never one that this
+    /// command reads).
     #[arg(long)]
     pub force: bool,
 }

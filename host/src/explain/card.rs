@@ -17,6 +17,7 @@ use crate::model::identified::IdentifiedModel;
 use crate::motion::Motion;
 use crate::report::card::{Card, CardRow, GapBar};
 use crate::rig::Rig;
+use crate::system::library::Pendulum;
 use crate::wording::format::{Z95, plus_minus, quantity, significant};
 use crate::wording::names;
 
@@ -47,9 +48,13 @@ pub fn card(e: &Explanation, rig: &Rig) -> Card {
 pub fn equations(model: &IdentifiedModel, rig: &Rig) -> Option<WrittenOut> {
     let motion = Motion::of(model, Path::new(""), Some(rig), 0.0).ok()?;
     let mut out = written_out(&motion)?;
-    if out.multiplies.contains_key("B11") {
+    let divided = match rig.pendulum() {
+        Some(Pendulum::Single) => Some("The coefficients"),
+        _ => out.multiplies.contains_key("B11").then_some("B and C"),
+    };
+    if let Some(divided) = divided {
         let powers = if rig.drive.is_some() { " and Ω² (viscous friction: Ω), and have no unit" } else { "" };
-        out.notes.push(format!("B and C are torques divided by the arm's moment of inertia{powers}."));
+        out.notes.push(format!("{divided} are torques divided by the arm's moment of inertia{powers}."));
     }
     Some(out)
 }

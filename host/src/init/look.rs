@@ -83,7 +83,7 @@ impl Look<'_> {
             let text = "the motion has no clear line of it, but of all frequencies the equations of motion ask for it";
             let why = vec![
                 Statement::new("drive", format!("{frequency_hz} Hz"), text),
-                Statement::new("drive", format!("a {name} drive"), "the equations of motion fit better so").unsure(),
+                Statement::new("drive", name, "the equations of motion fit better so").unsure(),
             ];
             DraftDrive { direction, frequency_hz, why }
         };

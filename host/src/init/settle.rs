@@ -55,8 +55,8 @@ pub(super) struct Possible<'a> {
     pub may_hide: bool,
 }
 
-/// Settles what the equations tell; a drive is one of those that are possible, or none. Whether they
-/// fit to the sensors' noise is returned, where a reading could be looked at.
+/// Settles what the equations tell; a drive is one of those that are possible, or none. Whether
+/// they fit to the sensors' noise is returned, where a reading could be looked at.
 pub(super) fn settle(
     draft: &mut Draft,
     seen: &[Seen],
@@ -96,7 +96,7 @@ pub(super) fn settle(
             let why = format!(
                 "the motion {motion} the equations of motion ask for no frequency clearly; if a shaker runs, say it with --drive-hz HZ, otherwise --drive-hz 0"
             );
-            tried.iter_mut().for_each(|t| t.draft.why_model.push(Statement::new("drive", "no drive", &why).unsure()));
+            tried.iter_mut().for_each(|t| t.draft.why_model.push(Statement::new("drive", "none", &why).unsure()));
             // What leaves least of readings that all lack the drive is no better founded than that.
             is_founded = grows_less && at_rest <= FITS;
         }

@@ -12,11 +12,12 @@ fn quoted(text: &str) -> String {
     toml::Value::String(text.to_owned()).to_string()
 }
 
-fn reasons(out: &mut String, list: &[Statement]) {
+fn reasons<'a>(out: &mut String, list: impl IntoIterator<Item = &'a Statement>) {
     for s in list {
         let mark = if s.check { "CHECK: " } else { "" };
         // Names of columns come from the file: one line, whatever they hold.
-        let _ = writeln!(out, "# {mark}{}: {}", plain(&s.taken_for), plain(&s.why));
+        let of = if is_of_drive(s) { "drive, " } else { "" };
+        let _ = writeln!(out, "# {mark}{of}{}: {}", plain(&s.taken_for), plain(&s.why));
     }
 }
 
@@ -37,7 +38,7 @@ pub fn text(draft: &Draft) -> String {
         out.push_str("# What the record cannot show is marked CHECK: look at these lines first.\n");
     }
     let _ = writeln!(out, "name = {}\n", quoted(&draft.name));
-    reasons(&mut out, &draft.why_model);
+    reasons(&mut out, draft.why_model.iter().filter(|s| !is_of_drive(s)));
     let _ = writeln!(out, "model = {}", quoted(draft.model.as_deref().unwrap_or("columns")));
     out.push('\n');
     reasons(&mut out, &draft.why_time);
@@ -60,10 +61,22 @@ pub fn text(draft: &Draft) -> String {
     out
 }
 
+/// Whether a statement is about the drive, which its value alone does not say.
+fn is_of_drive(s: &Statement) -> bool {
+    s.of == "drive"
+}
+
 fn drive(out: &mut String, draft: &Draft) {
     let Some(d) = &draft.drive else {
+        let told = || draft.why_model.iter().filter(|s| is_of_drive(s));
         if draft.pendulum().is_some() {
-            out.push_str("\n# No drive shows, or the motion dies away: taken as a base at rest. With a shaker, --drive-hz HZ or:\n");
+            out.push('\n');
+            reasons(out, told());
+            out.push_str(if told().next().is_some() {
+                "# Taken as a base at rest. With a shaker, --drive-hz HZ or:\n"
+            } else {
+                "# No drive shows, or the motion dies away: taken as a base at rest. With a shaker, --drive-hz HZ or:\n"
+            });
             out.push_str("# [drive]\n# direction = \"vertical\"     # or \"horizontal\"\n# frequency_hz = 5.0\n");
         }
         return;
@@ -126,4 +139,25 @@ pub fn human(draft: &Draft) -> String {
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{channel_of, draft_of};
+    use super::*;
+
+    #[test]
+    fn what_is_said_of_a_missing_drive_stands_where_the_drive_would() {
+        let mut draft = draft_of(vec![channel_of("right")]);
+        draft.model = Some("single-pendulum".to_owned());
+        assert!(text(&draft).contains("\n# No drive shows, or the motion dies away: taken as a base at rest."));
+        let why = "the motion does not die away, yet nothing asks for a frequency";
+        draft.why_model.push(Statement::new("drive", "none", why).unsure());
+        let told = text(&draft);
+        let at = |part: &str| told.find(part).unwrap_or_else(|| panic!("no {part} in {told}"));
+        let model = at("model = \"single-pendulum\"");
+        let drive = at("# CHECK: drive, none: the motion does not die away, yet");
+        assert!(model < drive && drive < at("# Taken as a base at rest.") && drive < at("# [drive]"), "{told}");
+        assert!(!told.contains("or the motion dies away"), "{told}");
+    }
 }

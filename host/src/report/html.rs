@@ -17,8 +17,8 @@ pub fn marked(text: &str) -> String {
     out
 }
 
-/// A text in which no line breaks behind a sign ±, before %, between the factors of a unit, or within
-/// the brackets of a number with its interval.
+/// A text in which no line breaks behind a sign ±, before %, between the factors of a unit, or
+/// within the brackets of a number with its interval.
 fn joined(text: &str) -> String {
     const FACTORS: [&str; 5] = ["N", "m", "kg", "V", "A"];
     let words: Vec<&str> = text.split(' ').collect();

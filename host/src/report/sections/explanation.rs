@@ -5,6 +5,7 @@ use std::collections::BTreeSet;
 
 use crate::explain::engine::residual_map::Map;
 use crate::explain::engine::unknown::Unknown;
+use crate::explain::gap::AtHorizon;
 use crate::explain::presentation::letters;
 use crate::explain::{Explanation, Found, Ranked};
 use crate::report::figures::Figure;
@@ -31,16 +32,7 @@ fn one(body: &mut Html, e: &Explanation) {
     if !e.effects.is_empty() {
         effects(body, &e.effects);
     }
-    if !e.gap.horizons.is_empty() {
-        let rows: Vec<Vec<Html>> = e
-            .gap
-            .horizons
-            .iter()
-            .map(|h| h.numbers().iter().map(|x| Html::text(&significant(*x, 3))).collect())
-            .collect();
-        let head = |t: &str| (Html::text(t), Align::Right);
-        body.table(&[head("horizon / s"), head("gap before"), head("gap after")], &rows);
-    }
+    horizons(body, e);
     forecasts(body, e);
     attractor(body, e);
     ranking(body, e);
@@ -60,6 +52,19 @@ fn one(body: &mut Html, e: &Explanation) {
         );
         body.figure(&Figure::draw(caption, &layout, &panels));
     }
+}
+
+/// The gap at each horizon, before and after where something was added or fitted again.
+fn horizons(body: &mut Html, e: &Explanation) {
+    let all = &e.gap.horizons;
+    if all.is_empty() {
+        return;
+    }
+    let head = |t: &str| (Html::text(t), Align::Right);
+    let is_changed = all.iter().any(|h| h.numbers()[1] != h.numbers()[2]);
+    let heads = if is_changed { &["horizon / s", "gap before", "gap after"][..] } else { &["horizon / s", "gap"] };
+    let row = |h: &AtHorizon| h.numbers().iter().take(heads.len()).map(|x| Html::text(&significant(*x, 3))).collect();
+    body.table(&heads.iter().map(|t| head(t)).collect::<Vec<_>>(), &all.iter().map(row).collect::<Vec<Vec<Html>>>());
 }
 
 /// What each candidate of the first step takes away.
