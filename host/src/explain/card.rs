@@ -87,6 +87,15 @@ fn changed(e: &Explanation) -> Option<AtHorizon> {
     e.gap.telling().filter(|_| e.gap.steps.len() > 1 && e.verdict != Verdict::NothingMissing)
 }
 
+/// The powers that stand in an effect's unit.
+fn of_unit(f: &Found) -> String {
+    let told = |(name, x): (&String, &f64)| {
+        let error = f.parameter_std_errors.get(name).map_or(0.0, |e| Z95 * e);
+        f.unit.contains(&format!("^{name}")).then(|| format!(" with {name} = {}", plus_minus(*x, error)))
+    };
+    f.parameters.iter().filter_map(told).collect()
+}
+
 /// What was found, one sentence.
 fn sentence(e: &Explanation) -> String {
     let found: Vec<String> = e
@@ -96,7 +105,8 @@ fn sentence(e: &Explanation) -> String {
         .map(|(k, f)| {
             // A share has no unit.
             let unit = if f.unit == "1" { "" } else { &f.unit };
-            let told = format!("{}, {} {unit}", names::effect(&f.name()), plus_minus(f.value, Z95 * f.std_error));
+            let value = plus_minus(f.value, Z95 * f.std_error);
+            let told = format!("{}, {value} {unit}{}", names::effect(&f.name()), of_unit(f));
             // Said once.
             format!("{}{}", told.trim_end(), if k == 0 { " (± is 95 %)" } else { "" })
         })

@@ -38,6 +38,12 @@ fn the_sentence_says_what_and_by_how_much() {
     "1".clone_into(&mut share.effects[0].unit);
     let told = super::card(&share, &rig()).verdict;
     assert!(told.contains("on arm 2, (2.0000 ± 0.0004)·10⁻⁷ (± is 95 %); with it"), "{told}");
+    let mut power = explained();
+    "N m (s/rad)^p".clone_into(&mut power.effects[0].unit);
+    power.effects[0].parameters = [("p".to_owned(), 1.95), ("q".to_owned(), 2.0)].into();
+    power.effects[0].parameter_std_errors = [("p".to_owned(), 0.07)].into();
+    let told = super::card(&power, &rig()).verdict;
+    assert!(told.contains("N m (s/rad)^p with p = 1.95 ± 0.14 (± is 95 %); with it"), "{told}");
     let mut locks = explained();
     locks.warnings.push(crate::warning::Warning::new(LOCKS_LATER, "", ""));
     let told = super::card(&locks, &rig()).verdict;

@@ -20,7 +20,8 @@ pub(super) fn reconsider(draft: &mut Draft, raw: &Raw, seen: &[Seen], settings: 
     let Some(other) = other_of(draft, raw, seen, settings) else { return };
     let system = Some(Pendulum::Double.id().to_owned());
     let two = of_system(raw, seen, &Settings { system, ..settings.clone() });
-    if let Ok((mut of_two, Some(true))) = two {
+    let Ok((mut of_two, Some(fits))) = two else { return };
+    if fits {
         let angle = draft.channels.first().map_or("", |c| c.name.as_str());
         let why = format!(
             "the equations of motion of one arm fit no reading of {angle}, those of two arms fit {angle} and {}; another system is told by --system",

@@ -150,7 +150,7 @@ pub(super) fn settle(
         tell_drive(draft, of_line, is_guess, &rivals);
     }
     refine(draft, &record, settings.drive_hz.is_some());
-    Ok(Some(fits))
+    Ok(Some(left <= FITS))
 }
 
 /// Whether every angle's span in the last sixth of the record is below half of that in the first: a

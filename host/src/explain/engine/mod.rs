@@ -92,7 +92,6 @@ use super::{MOST_WINDOWS, Reason, Settings, Undecidable, ranking};
 use crate::error::Result;
 use crate::identify::Identification;
 use crate::identify::remeasured::Sensors;
-use crate::identify::stretches::Stretch;
 use crate::record::Record;
 use crate::rig::Rig;
 use crate::rig::measures::ObservedModel;
@@ -159,12 +158,7 @@ fn attempt(
     }
     let Some(mut state) = start(&setting, &first, physical) else { return Ok(Attempt::Done(None)) };
     let horizon_s = units::horizon(rig, settings, &setting.raw, setting.geometry.period_s)?;
-    // A block that is held out has room for a prediction, unless there were too few then.
-    if settings.horizon_s.is_none() {
-        let longest = setting.raw.iter().map(Stretch::len).max().unwrap_or(0);
-        let room = (horizon_s * rig.sample_rate_hz).round() as usize + 1;
-        setting.part = setting.part.max(room.min(longest / (FEWEST_BLOCKS + 2)));
-    }
+    setting.room = (horizon_s * rig.sample_rate_hz).round() as usize + 1;
     let mut result = Explanation::new(horizon_s, warnings);
     result.warnings.extend(units::unknown(rig, whole));
     if let Some(model) = &settings.model {

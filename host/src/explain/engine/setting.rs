@@ -64,6 +64,8 @@ pub struct Setting<'a> {
     pub blocks: f64,
     /// Fewest samples of a block where windows are cut into several.
     pub part: usize,
+    /// Samples of a prediction, for which a block has room where there are enough.
+    pub room: usize,
     /// Length of a window that was asked for, s: in its place no other is sought.
     pub window_s: Option<f64>,
     /// Signs that own coefficients keep; 0 for either.
@@ -171,6 +173,7 @@ impl<'a> Setting<'a> {
             shooting: true,
             blocks: if is_short && settings.window_s.is_none() { WHOLE } else { BLOCKS },
             part,
+            room: 1,
             window_s: settings.window_s,
             signs: Vec::new(),
             sensors,

@@ -93,7 +93,10 @@ pub fn blocks_of(setting: &Setting<'_>, all: &[Window]) -> usize {
     if !is_free || !is_long || all.len() as f64 >= BLOCKS {
         return 1;
     }
-    PARTS.div_ceil(all.len().max(1)).min(fewest / setting.part.max(1)).max(1)
+    let of = |samples: usize| PARTS.div_ceil(all.len().max(1)).min(fewest / samples.max(1)).max(1);
+    // The gap is measured in blocks that are held out.
+    let roomy = of(setting.part.max(setting.room));
+    if roomy * all.len() > FEWEST_BLOCKS { roomy } else { of(setting.part) }
 }
 
 impl Course<'_> {
