@@ -20,25 +20,7 @@ pub fn human(e: &Explanation, card: &Card) -> String {
 
 fn rests_on(e: &Explanation) -> String {
     let mut out = String::new();
-    for f in &e.effects {
-        let number = |(k, v): (&String, &f64)| match f.parameter_std_errors.get(k) {
-            Some(error) if *error > 0.0 => plus_minus(*v, Z95 * error),
-            _ => significant(*v, 3),
-        };
-        let parameters: Vec<String> =
-            f.parameters.iter().map(|p| format!(", {} = {}", symbol_plain(p.0), number(p))).collect();
-        let _ = writeln!(
-            out,
-            "  {} adds {}{}; it explains {} of what was left before it was added, where it was not fitted",
-            f.name(),
-            f.equation,
-            parameters.concat(),
-            percent(f.held_out_gain, 2)
-        );
-    }
-    if let Some(words) = letters(&e.effects) {
-        let _ = writeln!(out, "  {words}");
-    }
+    added(&mut out, &e.effects);
     if let Some(before) = e.gap.attractor.first() {
         // Predictions are no longer than that.
         let longest = LONGEST * e.gap.horizon_s;
@@ -122,6 +104,29 @@ fn rests_on(e: &Explanation) -> String {
     out
 }
 
+/// What each effect adds to the equations, a line each, and what the letters in it are.
+fn added(out: &mut String, effects: &[Found]) {
+    for f in effects {
+        let number = |(k, v): (&String, &f64)| match f.parameter_std_errors.get(k) {
+            Some(error) if *error > 0.0 => plus_minus(*v, Z95 * error),
+            _ => significant(*v, 3),
+        };
+        let parameters: Vec<String> =
+            f.parameters.iter().map(|p| format!(", {} = {}", symbol_plain(p.0), number(p))).collect();
+        let _ = writeln!(
+            out,
+            "  {} adds {}{}; it explains {} of what was left before it was added, where it was not fitted",
+            f.name(),
+            f.equation,
+            parameters.concat(),
+            percent(f.held_out_gain, 2)
+        );
+    }
+    if let Some(words) = letters(effects) {
+        let _ = writeln!(out, "  {words}");
+    }
+}
+
 /// What the letters in the terms of listed effects at joints and arms stand for, but for those that
 /// a term's own text tells; none where there is none.
 pub fn letters(effects: &[Found]) -> Option<String> {
@@ -194,6 +199,10 @@ mod tests {
         assert!(told.contains("v is the rate of the joint, ω is the angular velocity of the arm;"), "{told}");
         assert_eq!(letters(&[found("body-drag", "−k |v| v, v the velocity of the body's centroid")]), None);
         assert_eq!(letters(&[found("zero-offset", "θ + b")]), None);
+        // A raised digit stands behind the letter.
+        let told = letters(&[found("cubic-stiffness", "−k x³")]).unwrap();
+        assert!(told.contains("x is the joint's angle or position;"), "{told}");
+        assert_eq!(letters(&[found("distributed-drag", "−k |v(s)| v(s), v(s) the speed at s")]), None);
     }
 
     #[test]

@@ -178,8 +178,9 @@ impl Steady {
         let (needed, longest) = (found.needed(step_s), longest(&self.stretches));
         let Measured { sensors, geometry } = found;
         if longest < needed {
+            // Gaps that were filled cut nothing.
             let is_cut = self.stretches.len() > records.len();
-            let nan_rows: u64 = records.iter().filter(|_| is_cut).map(|r| r.losses.nan_rows).sum();
+            let nan_rows: u64 = if is_cut { records.iter().map(|r| r.losses.nan_rows).sum() } else { 0 };
             // Of a free system the shortest window was tried where none is asked for.
             let can_shorten = rig.drive.is_some() || settings.window_s.is_some();
             let remedy = remedy(records, self.stretches.len(), &longer(can_shorten, step_s));

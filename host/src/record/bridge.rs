@@ -8,10 +8,10 @@
 //! v_m = ⟨(x − Σ w_j x_j)²/(1 + Σ w_j²)⟩
 //!
 //! is σ² where noise is all that it misses by, and falls with m where motion is. Gaps of a length
-//! are filled where v of an m agrees with those of all greater ones for every sensor, by the least. What acts is
-//! known and has no noise: a column that mostly repeats itself (a command that is held) is filled
-//! by the row before, another by the best m where that misses by little of its scatter. A record
-//! without noise keeps its gaps; one that is sampled too coarsely for its motion does too.
+//! are filled where v of an m agrees with those of all greater ones for every sensor, by the least.
+//! What acts is known and has no noise: a column that mostly repeats itself (a command that is held)
+//! is filled by the row before, another by the best m where that misses by little of its scatter. A
+//! record without noise keeps its gaps; one that is sampled too coarsely for its motion does too.
 //!
 //! What follows a gap must go on from what came before it: the first row behind is compared with
 //! the polynomial through the last ones before, by the scatter of the same comparison within
@@ -21,6 +21,7 @@
 
 use super::segments::plural;
 use super::{Column, Record, Segment};
+use crate::signal::lagrange;
 use crate::warning::Warning;
 
 /// Most rows of a gap that is filled. A Lagrange polynomial over more has little of the noise's size
@@ -28,8 +29,8 @@ use crate::warning::Warning;
 const LONGEST: usize = 3;
 /// Most rows on each side that a value is made of.
 const SIDE: usize = 4;
-/// Ratio of v_m to those of greater m up to which they agree: what motion adds is then a third of the noise's
-/// power at most.
+/// Ratio of v_m to those of greater m up to which they agree: what motion adds is then a third of
+/// the noise's power at most.
 const AGREE: f64 = 1.3;
 /// Fewest places for the trial: with them v scatters by a fifth.
 const FEWEST: usize = 50;
@@ -49,11 +50,9 @@ const OFF_CLOCK: f64 = 0.25;
 /// What was filled.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Filled {
-    /// Gaps.
-    pub(super) gaps: u64,
     /// Rows.
     pub(super) rows: u64,
-    /// Rows of the longest of these gaps.
+    /// Rows of the longest gap.
     pub(super) longest: usize,
 }
 
@@ -66,7 +65,7 @@ impl Filled {
         let text = format!(
             "{rows} that {are} missing or left out, in gaps of up to {row}, {were} filled from those around; {left} left"
         );
-        let advice = "Tried on rows that are there, such values miss by no more than the sensors' noise";
+        let advice = "Tried on rows that are there, such values miss by hardly more than the sensors' noise";
         (self.rows > 0).then(|| Warning::new("gaps-filled", text, advice))
     }
 }
@@ -120,7 +119,6 @@ pub(super) fn fill(record: &mut Record, moduli: &[Option<f64>], sensors: &[usize
                 let first = last.len();
                 join(last, &next, lost, trial, &turns);
                 last.filled.push(first..first + lost);
-                filled.gaps += 1;
                 filled.rows += lost as u64;
                 filled.longest = filled.longest.max(lost);
             }),
@@ -166,7 +164,7 @@ fn tried(segments: &[Segment], (channel, shows): (usize, bool), lost: usize) -> 
     };
     let filling = if is_held { Filling::Repeat } else { Filling::Polynomial(side(windows, lost, shows)?) };
     let scatter = |degree: usize| {
-        let w = lagrange(&before(degree), lost as f64 + 1.0);
+        let w = weights(&before(degree), lost as f64 + 1.0);
         // The row that is taken for the first behind a gap, and those before the gap.
         let off = |x: &[f64]| (x[SIDE + lost] - dot(&w, &x[SIDE - w.len()..SIDE])).powi(2);
         let (sum, n) = windows().fold((0.0, 0.0), |(s, n), x| (s + off(x), n + 1.0));
@@ -182,7 +180,7 @@ fn side<'a, W: Iterator<Item = &'a [f64]>>(windows: impl Fn() -> W, lost: usize,
     let (sum, squares, n) = windows().fold((0.0, 0.0, 0.0), |(s, q, n), x| (s + x[0], q + x[0] * x[0], n + 1.0));
     let variance: f64 = (squares - sum * sum / n).max(0.0) / n;
     let missed = |m: usize| {
-        let weights: Vec<Vec<f64>> = (0..lost).map(|k| lagrange(&around(m, m, lost), (k + 1) as f64)).collect();
+        let weights: Vec<Vec<f64>> = (0..lost).map(|k| weights(&around(m, m, lost), (k + 1) as f64)).collect();
         let (mut sum, mut n) = (0.0, 0.0);
         for x in windows() {
             for (k, w) in weights.iter().enumerate() {
@@ -212,9 +210,8 @@ fn turns(a: &Segment, b: &Segment, lost: usize, trial: &Trial, moduli: &[Option<
         if recorded < left.max(*degree + 1) || b.len() < right {
             return None;
         }
-        let rows = *degree + 1;
-        let last = tail(&a.columns[k], rows);
-        let led = dot(&lagrange(&before(rows - 1), lost as f64 + 1.0), &last);
+        let last = tail(&a.columns[k], *degree + 1);
+        let led = dot(&weights(&before(*degree), lost as f64 + 1.0), &last);
         let first = value(&b.columns[k], 0);
         let modulus = moduli.get(k).copied().flatten();
         // Which way round is not known.
@@ -240,7 +237,7 @@ fn join(a: &mut Segment, b: &Segment, lost: usize, trial: &Trial, turns: &[f64])
         let mut nodes = tail(column, left);
         nodes.extend((0..right).map(|i| value(&b.columns[k], i) + turns[k]));
         let places = around(left, right, lost);
-        let between = (1..=lost).map(|i| dot(&lagrange(&places, i as f64), &nodes));
+        let between = (1..=lost).map(|i| dot(&weights(&places, i as f64), &nodes));
         match (column, &b.columns[k]) {
             (Column::Counts(a), Column::Counts(b)) => {
                 // As an encoder would show it; turns of counts are whole counts.
@@ -363,13 +360,9 @@ fn around(left: usize, right: usize, lost: usize) -> Vec<f64> {
     (0..left).rev().map(|i| -(i as f64)).chain((1..=right).map(|i| (lost + i) as f64)).collect()
 }
 
-/// Weights of Lagrange's polynomial through `places` at `at`.
-fn lagrange(places: &[f64], at: f64) -> Vec<f64> {
-    let weight = |j: usize| {
-        let others = places.iter().enumerate().filter(|(i, _)| *i != j);
-        others.map(|(_, p)| (at - p) / (places[j] - p)).product()
-    };
-    (0..places.len()).map(weight).collect()
+/// Weights of the polynomial through `places` at `at`.
+fn weights(places: &[f64], at: f64) -> Vec<f64> {
+    lagrange::weights(places, at).collect()
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

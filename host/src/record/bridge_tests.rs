@@ -33,15 +33,16 @@ fn both(rows: &[usize]) -> Vec<Column> {
     vec![Column::Counts(counts), Column::Values(rows.iter().map(|i| force(*i)).collect())]
 }
 
-/// One to three rows are filled to a count; a gap of ten rows stays.
+/// One to three rows are filled to a count; a gap of ten rows stays, and gaps close to each other.
 #[test]
 fn short_gaps_are_filled_and_long_ones_stay() {
     let lost = |i: usize| i > 1 && (i.is_multiple_of(131) || i % 197 < 2 || (900..910).contains(&i));
     let mut r = record(2000, lost, both);
     let missing = (0..2000).filter(|i| lost(*i)).count() as u64;
     let filled = fill(&mut r, &[None, None], &[0]);
-    assert!(filled.rows >= 26 && filled.rows <= missing - 10 && filled.longest == 3, "{filled:?}");
-    assert_eq!(r.segments.iter().map(|s| s.start_s).filter(|t| (*t - 910.0 * STEP).abs() < 1e-9).count(), 1);
+    // Between 786 and 788, 1179 and 1182, 1572 and 1576 are fewer rows than a value is made of: those
+    // six gaps, of nine rows, stay.
+    assert_eq!((r.segments.len(), filled.rows, filled.longest), (8, missing - 10 - 9, 3));
     for s in &r.segments {
         let first = (s.start_s / STEP).round() as usize;
         let Column::Counts(c) = &s.columns[0] else { panic!("counts stay counts") };

@@ -1,8 +1,9 @@
 //! Records: typed columns in segments of unbroken, evenly spaced samples.
 //!
 //! A gap in `t` (or in the device's ticks), or a NaN in any channel, ends a segment, unless it is
-//! short and what is missing follows from the rows around it to the sensors' noise (`bridge.rs`). Counts stay integers until [`Column::angle`] turns them into radians: a count
-//! c stands for the middle of [c, c+1), θ = (c + ½)·2π/N.
+//! short and what is missing follows from the rows around it to the sensors' noise (`bridge.rs`).
+//! Counts stay integers until [`Column::angle`] turns them into radians: a count c stands for the
+//! middle of [c, c+1), θ = (c + ½)·2π/N.
 //!
 //! [`Record::read`] takes every format in [`formats::FORMATS`]; [`writer::RecordWriter`] writes
 //! whirl's own.

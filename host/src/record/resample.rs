@@ -8,6 +8,7 @@
 
 use super::Column;
 use super::rows::Rows;
+use crate::signal::lagrange;
 use crate::warning::Warning;
 
 /// Steps between neighbours from which there is a gap.
@@ -72,7 +73,7 @@ pub(super) fn even(rows: &mut Rows<'_>, warnings: &mut Vec<Warning>) {
 
 /// Lagrange's cubic.
 fn cubic(t: &[f64], x: &[f64], at: f64) -> f64 {
-    (0..4).map(|i| x[i] * (0..4).filter(|j| *j != i).map(|j| (at - t[j]) / (t[i] - t[j])).product::<f64>()).sum()
+    lagrange::weights(t, at).zip(x).map(|(w, x)| x * w).sum()
 }
 
 #[cfg(test)]

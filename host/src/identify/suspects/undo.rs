@@ -12,6 +12,7 @@ use crate::identify::stretches::{Stretch, mixed};
 use crate::model::model_file::Space;
 use crate::rig::measures::ObservedModel;
 use crate::signal::angles::Phase;
+use crate::signal::lagrange;
 
 /// One mistake to undo.
 #[derive(Clone, Debug, PartialEq)]
@@ -171,8 +172,7 @@ fn interpolated(x: &[f64], at: f64) -> f64 {
     let at = at.clamp(0.0, last as f64);
     let (k, u) = (at as usize, at.fract());
     let sample = |node: f64| x[k.saturating_add_signed(node as isize).min(last)];
-    let weight = |j: f64| NODES.iter().filter(|m| **m != j).map(|m| (u - m) / (j - m)).product::<f64>();
-    NODES.iter().map(|&j| weight(j) * sample(j)).sum()
+    lagrange::weights(&NODES, u).zip(NODES).map(|(w, node)| w * sample(node)).sum()
 }
 
 /// Adds whole moduli so that every sample lies as close as can be to the straight line through the

@@ -204,7 +204,7 @@ fn effects(body: &mut Html, found: &[Found]) {
         .collect();
     body.table(&heads, &rows);
     if let Some(words) = letters(found) {
-        body.paragraph(&format!("{words}."));
+        body.paragraph(&format!("{}.", names::capitalised(&words)));
     }
 }
 
